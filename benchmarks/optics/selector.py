@@ -30,8 +30,8 @@ from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.tradeoff.reference_images import (
     ReferenceView,
-    law_truth,
-    layer_truth,
+    exact_reference,
+    traced_reference,
 )
 from tests.optics.shapes import circle, disc, gear, rectangle
 
@@ -127,7 +127,7 @@ def judge(index: int) -> Found:
     """Return what the selector says of law and sampling of a scene, and the truth."""
     case = draw(index)
     fidelity = choose(case.scene, case.microscope, focus_um=(0.0,), limit=case.limit)
-    truth = law_truth(_sight(case), _MARGIN)
+    truth = exact_reference(_sight(case), _MARGIN)
     return Found(
         predicted=fidelity.predicted_error,
         true=float(np.abs(_blended(case, fidelity) - truth.images[0]).max()),
@@ -145,7 +145,7 @@ def judge_layers(index: int) -> Found | None:
     if layering.predicted_error == 0:
         return None
     sight = _sight(case)
-    truth = layer_truth(sight, law_truth(sight, _MARGIN), _MARGIN)
+    truth = traced_reference(sight, exact_reference(sight, _MARGIN), _MARGIN)
     image = _blended(case, fidelity)
     if layering.treatment != "blend":
         image = occluded(

@@ -1,4 +1,4 @@
-"""The first approach of an alignment: where it ends, and a way that touches nothing."""
+"""The first approach of an alignment: its end, its path free of collisions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 from microplan.arrays import Box
 from microplan.planner.assembly.assembly import (
     Axis4,
-    Carrier,
     Place,
     State,
     axes_of,
@@ -29,15 +28,15 @@ def approach(
 ) -> tuple[State, tuple[str, ...]]:
     """Return the state with the target at its goal, and a path that touches nothing.
 
-    It is turned to its goal, too, where the step states how closely.
+    It is rotated to its goal, too, where the step has an angular tolerance.
     """
     target = locate_place(task, state, step.target or "")
     goal = locate_place(task, state, step.to or "")
-    turn_rad = 0.0
+    rotation_rad = 0.0
     if step.tolerance_theta_rad is not None:
         off_rad = goal.pose.theta_rad - target.pose.theta_rad
-        turn_rad = math.remainder(off_rad, math.tau)
-    readings = _readings(task, state, target, goal, turn_rad)
+        rotation_rad = math.remainder(off_rad, math.tau)
+    readings = _readings(task, state, target, goal, rotation_rad)
     after = _aligned(task, state, target, goal, readings)
     hits = {path: _path_hits(task, state, target, readings, path) for path in PATHS}
     for path in PATHS:
@@ -55,7 +54,7 @@ def approach(
 
 
 def _way_out(task: Task, moving: str, still: str) -> str:
-    """Return what may clear the way: only open fingers can be opened further."""
+    """Return what may remove the collision: only open fingers can be opened further."""
     tools = {owner_of(name) for name in (moving, still)} & set(task.workcell.tools)
     if tools:
         return "open the jaws further, or start from another side"
@@ -66,16 +65,16 @@ def _way_out(task: Task, moving: str, still: str) -> str:
 
 
 def _readings(
-    task: Task, state: State, target: Place, goal: Place, turn_rad: float
+    task: Task, state: State, target: Place, goal: Place, rotation_rad: float
 ) -> Axis4:
-    """Return the readings that bring the target to its goal, turned by `turn_rad`.
+    """Return the readings that bring the target to its goal, rotated by `rotation_rad`.
 
-    The turn swings it about the axis, which x and y make up for.
+    The rotation swings it about the axis, which x and y compensate.
     """
-    axis = state.stage if target.carrier == "stage" else state.robot
-    turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
+    axis = state.axes(target.carrier)
+    turned = replace(axis, theta_rad=axis.theta_rad + rotation_rad)
     local = carrier_pose(task, state, target.carrier).inverse().compose(target.pose)
-    there = _carried(state, target.carrier, turned)
+    there = state.carried(target.carrier, turned)
     swung = carrier_pose(task, there, target.carrier).compose(local)
     return replace(
         turned,
@@ -88,15 +87,15 @@ def _aligned(
     task: Task, state: State, target: Place, goal: Place, readings: Axis4
 ) -> State:
     """Return the state after the carrier of `target` went to `readings`."""
-    moved = _carried(state, target.carrier, readings)
+    moved = state.carried(target.carrier, readings)
     if target.carrier == "robot":
         return moved
     axes = axes_of(task, target.carrier)
-    spread = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
+    sigma_um = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
     return replace(
         moved,
-        stage_sigma_um=math.hypot(spread, target.sigma_xy_um),
-        pinned={target.owner: spread},
+        stage_sigma_um=math.hypot(sigma_um, target.sigma_xy_um),
+        pinned={target.owner: sigma_um},
     )
 
 
@@ -107,14 +106,14 @@ def _path_hits(
     readings: Axis4,
     path: tuple[str, ...],
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs that would touch on the way.
+    """Return the pairs that would touch along a path.
 
-    The target starts anywhere within two sigma of its nominal place and ends at the
-    goal: each leg takes up the deviation along its own axes. The first leg turns.
+    The target starts anywhere within two sigma of its nominal position and ends at the
+    goal: each leg takes up the deviation along its own axes. The first leg rotates.
     """
     rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2
-    axis = state.stage if target.carrier == "stage" else state.robot
+    axis = state.axes(target.carrier)
     here, found = state, []
     for leg in path:
         deviation: Box = (-left[0], -left[1], left[0], left[1])
@@ -124,7 +123,7 @@ def _path_hits(
             y_um=readings.y_um if "y" in leg else axis.y_um,
             theta_rad=readings.theta_rad,
         )
-        there = _carried(here, target.carrier, axis)
+        there = here.carried(target.carrier, axis)
         hits = sweep_hits(
             task, here, there, carrier=target.carrier, deviation=deviation
         )
@@ -135,10 +134,3 @@ def _path_hits(
         ]
         here = there
     return tuple(found)
-
-
-def _carried(state: State, carrier: Carrier, readings: Axis4) -> State:
-    """Return the state with one carrier at other readings."""
-    if carrier == "robot":
-        return replace(state, robot=readings)
-    return replace(state, stage=readings)

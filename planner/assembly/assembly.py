@@ -1,6 +1,6 @@
-"""Who holds what, where: the assembly state, and the bodies that it puts in the world.
+"""The assembly state: poses, carriers, grip, with the bodies they put in the world.
 
-Nominal poses with their spread about nominal (one sigma per axis). The stage's frame is
+Nominal poses with their standard deviation per axis. The stage's frame is
 the world at stage reading 0; the tool's frame is its grip.
 """
 
@@ -60,10 +60,20 @@ class State:
     tool: str | None
     held: str | None
     parts: Mapping[str, PartState]
-    stage_sigma_um: float  # spread of the stage's place per axis
-    tip_sigma_um: float  # spread of the grip's place per axis
-    pinned: Mapping[str, float]  # part -> world spread, while a servo holds it there
+    stage_sigma_um: float  # standard deviation of the stage's position, per axis
+    tip_sigma_um: float  # standard deviation of the grip's position, per axis
+    pinned: Mapping[str, float]  # part -> sigma in the world, while a servo holds it
     located: frozenset[str]  # names measured since they last changed hands
+
+    def axes(self, carrier: Carrier) -> Axis4:
+        """Return the readings of one axis group."""
+        return self.stage if carrier == "stage" else self.robot
+
+    def carried(self, carrier: Carrier, to: Axis4) -> State:
+        """Return the state with one axis group at other readings, nothing else new."""
+        if carrier == "stage":
+            return replace(self, stage=to)
+        return replace(self, robot=to)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +138,7 @@ def initial(task: Task) -> State:
 
 
 def turned_tip_um(task: Task) -> float:
-    """Return the spread of the grip's place after the robot's theta was set.
+    """Return the sigma of the grip's position after the robot's theta was set, um.
 
     The error of the angle swings the grip about an axis far behind it, which counts
     until a look has seen where it is.
@@ -139,7 +149,7 @@ def turned_tip_um(task: Task) -> float:
 
 
 def stage_pose(task: Task, stage: Axis4) -> Pose:
-    """Return the pose of the stage's frame: a turn about its axis, then a shift."""
+    """Return the pose of the stage's frame: a rotation about its axis, then a shift."""
     axis_x, axis_y = task.workcell.stage.theta_axis_um
     turn = Pose(x_um=0.0, y_um=0.0, theta_rad=stage.theta_rad)
     back_x, back_y = turn.apply(-axis_x, -axis_y)
@@ -177,7 +187,7 @@ def part_z_um(task: Task, state: State, name: str) -> float:
 
 
 def part_sigma_um(state: State, name: str) -> float:
-    """Return the spread of a part's world place about nominal, per axis."""
+    """Return the sigma of a part's position in the world, per axis, um."""
     part = state.parts[name]
     if name in state.pinned:
         return state.pinned[name]
@@ -187,7 +197,7 @@ def part_sigma_um(state: State, name: str) -> float:
 
 
 def height_sigma_um(task: Task, state: State, owner: str) -> float:
-    """Return the spread of a part's or tool's height about nominal."""
+    """Return the sigma of a part's or tool's height, um."""
     return next(b.sigma_z_um for b in bodies(task, state) if b.owner == owner)
 
 
@@ -204,7 +214,7 @@ def owner_of(name: str) -> str:
 
 
 def locate_place(task: Task, state: State, name: str) -> Place:
-    """Return the nominal place of a part, feature, post, tool or grip."""
+    """Return the nominal pose of a part, feature, post, tool or grip."""
     owner, _, inner = name.partition(".")
     if owner in task.workcell.tools:
         return _tool_place(task, state, name, task.workcell.tools[owner])
@@ -252,7 +262,7 @@ def with_part(state: State, name: str, part: PartState) -> State:
 
 
 def _tool_place(task: Task, state: State, name: str, tool: Tool) -> Place:
-    """Return the place of a tool's grip; its face is the top of the fingers."""
+    """Return the pose of a tool's grip; its face is the top of the fingers."""
     return Place(
         name=name,
         owner=tool.name,
@@ -304,21 +314,27 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
 def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
     """Return the two fingers at the present opening."""
     pose, axes = robot_pose(state.robot), task.workcell.robot.axes
-    half = state.opening_um / 2
-    fingers = (("left", tool.left, -half), ("right", tool.right, half))
     return [
         Body(
-            name=f"{tool.name}.{side}",
+            name=name,
             owner=tool.name,
             carrier="robot",
-            outline=place(
-                place(outline, shift, 0.0), pose.x_um, pose.y_um, pose.theta_rad
-            ),
+            outline=place(outline, pose.x_um, pose.y_um, pose.theta_rad),
             z_low_um=state.robot.z_um,
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
             sigma_xy_um=state.tip_sigma_um,
             sigma_z_um=axes.repeatability_z_um,
         )
-        for side, outline, shift in fingers
+        for name, outline in opened_fingers(tool, state.opening_um)
     ]
+
+
+def opened_fingers(
+    tool: Tool, opening_um: float
+) -> tuple[tuple[str, Outline], tuple[str, Outline]]:
+    """Return the fingers' names and outlines in the grip's frame, opened, um."""
+    return (
+        (f"{tool.name}.left", place(tool.left, -opening_um / 2, 0.0)),
+        (f"{tool.name}.right", place(tool.right, opening_um / 2, 0.0)),
+    )

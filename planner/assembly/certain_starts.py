@@ -1,4 +1,4 @@
-"""Inputs of a task that nothing acts on, starts that count as exactly known."""
+"""Findings on task inputs without effect, or starts without a standard deviation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ def report_faces(task: Task, report: Report) -> None:
             )
 
 
-def report_unused(task: Task, state: State, step: TaskStep, report: Report) -> None:
+def report_unused_input(
+    task: Task, state: State, step: TaskStep, report: Report
+) -> None:
     """Report keys of a step that change nothing in the `state` before it."""
     why = _idle_view(task, state, step)
     if why:
@@ -30,7 +32,7 @@ def report_unused(task: Task, state: State, step: TaskStep, report: Report) -> N
             f"step {step.id!r}: 'view_um' has no effect: {why[0]}",
             why[1],
         )
-    if step.if_blocked is not None:
+    if step.if_blocked:
         report.note(
             "MP307",
             step.spans.get("if_blocked", step.where),
@@ -62,8 +64,8 @@ def _idle_view(task: Task, state: State, step: TaskStep) -> tuple[str, str] | No
     return None
 
 
-def report_certain(task: Task, report: Report) -> None:
-    """Note parts whose place, or angle, has no spread: looks and budgets believe it."""
+def report_certain_starts(task: Task, report: Report) -> None:
+    """Note parts whose start position or angle has no standard deviation."""
     for start in task.part_starts.values():
         known = [
             words

@@ -1,4 +1,4 @@
-"""Taking a part between the jaws, and letting go of it."""
+"""Grasp of a part by the jaws, release included: states before, after, conditions."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Between:
 
     local: Pose  # of the part in the tool's frame, nominal
     turn_rad: float  # of the part in the tool's frame once it lies flat
-    width_um: float  # along x, at that turn
+    width_um: float  # along x, at that angle
     half_room_um: float  # half of what the jaws leave open around that width
-    sigma_um: float  # spread of the part's place, per axis
-    middle_um: tuple[float, float]  # of its extents from its origin, at that turn
+    sigma_um: float  # standard deviation of the part's position, per axis
+    middle_um: tuple[float, float]  # of its extents from its origin, at that angle
 
     @property
     def room_um(self) -> float:
@@ -58,7 +58,7 @@ class Between:
 
 
 def between_jaws(task: Task, state: State, step: TaskStep) -> Between:
-    """Return how the part of a grasp stands between the jaws before they close."""
+    """Return the pose and clearance of a part between the jaws before they close."""
     name, tool = owner_of(step.target or ""), step.tool or ""
     outline = task.parts[name].outline
     grip = locate_place(task, state, f"{tool}.grip").pose
@@ -76,31 +76,31 @@ def between_jaws(task: Task, state: State, step: TaskStep) -> Between:
 
 
 def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
-    """Return the middle of an outline's extents once it is turned."""
+    """Return the middle of an outline's extents once it is rotated, um."""
     x0, y0, x1, y1 = hull(place(outline, 0.0, 0.0, turn_rad)).bounds
     return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
 def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
-    """Return the state with the part between the jaws, centred and turned flat."""
+    """Return the state with the part between the jaws, centred and lying flat."""
     name = owner_of(step.target or "")
-    stands = between_jaws(task, state, step)
-    _check_grasp(task, state, step, report, stands)
+    between = between_jaws(task, state, step)
+    _check_grasp(task, state, step, report, between)
     report_jaws(task, state, step, step.opening_um or 0.0, report)
     held = PartState(
         carrier="robot",
         pose=Pose(
-            x_um=0.0 - stands.middle_um[0],
-            y_um=stands.local.y_um,
-            theta_rad=stands.turn_rad,
+            x_um=0.0 - between.middle_um[0],
+            y_um=between.local.y_um,
+            theta_rad=between.turn_rad,
         ),
         z_um=state.parts[name].z_um
         + state.stage.z_um
         + task.workcell.stage.datum_z_um
         - state.robot.z_um,
-        sigma_xy_um=stands.sigma_um,
+        sigma_xy_um=between.sigma_um,
         sigma_z_um=task.workcell.stage.axes.repeatability_z_um,
-        sigma_theta_rad=_held_sigma_rad(task, state, name, stands.local.theta_rad),
+        sigma_theta_rad=_held_sigma_rad(task, state, name, between.local.theta_rad),
     )
     lost = frozenset(n for n in state.located if owner_of(n) != name)
     return replace(
@@ -113,10 +113,10 @@ def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
 
 
 def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> float:
-    """Return the spread of a part's angle once flat jaws have turned it.
+    """Return the sigma of a part's angle once flat jaws have rotated it, rad.
 
     It lies flat as `squeeze_minima_rad` says, but one start may end in another minimum
-    than the next. What no jaw turns, and any angle, stays as uncertain as it was.
+    than the next. What no jaw rotates, and any angle, stays as uncertain as it was.
     """
     sigma = state.parts[name].sigma_theta_rad
     robot = task.workcell.robot.axes.repeatability_theta_rad
@@ -132,14 +132,14 @@ def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> fl
 def settled_sigma_rad(
     minima: tuple[float, ...], theta_rad: float, sigma_rad: float
 ) -> float:
-    """Return the spread about the nearest minimum of a turn that ends in one of them.
+    """Return the rms deviation of an angle that settles in one of several minima, rad.
 
     Parameters
     ----------
     minima : tuple of float
-        Turns in [0, pi), repeated every half turn.
+        Angles in [0, pi), repeated every pi.
     theta_rad, sigma_rad : float
-        Where the turn starts: normal about `theta_rad`.
+        Of the angle before: normal about `theta_rad`.
 
     Returns
     -------
@@ -149,34 +149,36 @@ def settled_sigma_rad(
     """
     reach = math.ceil(TAIL_SIGMAS * sigma_rad / math.pi) + 1
     base = theta_rad - math.fmod(theta_rad, math.pi)
-    turns = sorted(
+    angles_rad = sorted(
         base + m + k * math.pi for k in range(-reach, reach + 1) for m in minima
     )
-    cuts = [(a + b) / 2 for a, b in itertools.pairwise(turns)]
+    cuts = [(a + b) / 2 for a, b in itertools.pairwise(angles_rad)]
     below = [0.0, *(_below(cut - theta_rad, sigma_rad) for cut in cuts), 1.0]
-    nearest = least(turns, lambda turn: abs(turn - theta_rad), scale=1.0)
+    nearest = least(angles_rad, lambda turn: abs(turn - theta_rad), scale=1.0)
     return math.sqrt(
         sum(
             (high - low) * (turn - nearest) ** 2
-            for turn, (low, high) in zip(turns, itertools.pairwise(below), strict=True)
+            for turn, (low, high) in zip(
+                angles_rad, itertools.pairwise(below), strict=True
+            )
         )
     )
 
 
 def _below(offset_rad: float, sigma_rad: float) -> float:
-    """Return the chance that a normal deviation stays below `offset_rad`."""
+    """Return the probability that a normal deviation is below `offset_rad`."""
     if sigma_rad <= 0:
         return float(offset_rad > 0)
     return math.erfc(-offset_rad / sigma_rad / math.sqrt(2)) / 2
 
 
 def _check_grasp(
-    task: Task, state: State, step: TaskStep, report: Report, stands: Between
+    task: Task, state: State, step: TaskStep, report: Report, between: Between
 ) -> None:
     """Report jaws that cannot close on the part."""
     name = owner_of(step.target or "")
     where = step.spans.get("opening_um", step.where)
-    width, room = stands.width_um, stands.room_um
+    width, room = between.width_um, between.room_um
     opening = step.opening_um or 0.0
     if opening >= width:
         report.refuse(
@@ -186,21 +188,21 @@ def _check_grasp(
             f"which is {width:.4g} um wide where it is narrowest",
             f"close to less than {width:.4g} um",
         )
-    spread = SIGMAS * stands.sigma_um
-    if room < spread:
+    needed_um = SIGMAS * between.sigma_um
+    if room < needed_um:
         report.refuse(
             "MP304",
             step.where,
             f"step {step.id!r}: {name} ({width:.4g} um) between jaws "
             f"{state.opening_um:g} um apart leaves {room:.3g} um a side, "
-            f"{spread:.3g} um needed at 2 sigma",
+            f"{needed_um:.3g} um needed at 2 sigma",
             "open the jaws further before, or align more finely",
         )
-    _check_reach(task, state, step, report, stands)
+    _check_reach(task, state, step, report, between)
 
 
 def _check_reach(
-    task: Task, state: State, step: TaskStep, report: Report, stands: Between
+    task: Task, state: State, step: TaskStep, report: Report, between: Between
 ) -> None:
     """Report fingers that close before, behind or above the part's middle.
 
@@ -218,7 +220,7 @@ def _check_reach(
             f"high, {name} {low_um:.4g} to {high_um:.4g} um",
             "bring them to its height first",
         )
-    behind_um = stands.along_um + tool.grip_from_tip_um
+    behind_um = between.along_um + tool.grip_from_tip_um
     if not 0 <= behind_um <= tool.length_um:
         report.refuse(
             "MP305",
@@ -251,13 +253,13 @@ def release(task: Task, state: State, step: TaskStep, report: Report) -> State:
     return with_part(opened, name, left)
 
 
-def _nearest(turns: tuple[float, ...], theta_rad: float) -> float:
-    """Return the turn (modulo pi) nearest to `theta_rad`; itself if there is none."""
-    if not turns:
+def _nearest(angles_rad: tuple[float, ...], theta_rad: float) -> float:
+    """Return the angle (modulo pi) nearest to `theta_rad`; itself if there is none."""
+    if not angles_rad:
         return theta_rad
 
     def away(turn: float) -> float:
         return math.remainder(turn - theta_rad, math.pi)
 
     # midway between two, the one clockwise
-    return theta_rad + least(sorted(map(away, turns)), abs, scale=1.0)
+    return theta_rad + least(sorted(map(away, angles_rad)), abs, scale=1.0)

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from microplan.planner.assembly.assembly import State, part_z_um
+from microplan.planner.assembly.assembly import State, owner_of, part_z_um
 from microplan.planner.assembly.shapes import hull
-from microplan.planner.task.task import Task, TaskStep
+from microplan.planner.task.task import PartFeature, Post, Task, TaskStep
 from microplan.schemas.plan.verdicts import FitClass, FitVerdict
 
-# A corner of a hull within this of a jaw touches it: edges as made vary by more.
+# A corner of a hull within this of a jaw touches it: fabricated edges vary by more.
 TOUCH_UM = 0.05
-# What touches by one corner is taken as this wide: corners as made are round.
+# What touches by one corner is taken as this wide: fabricated corners are round.
 LEAST_WIDTH_UM = 0.1
 
 
@@ -77,7 +77,7 @@ class Mating:
 
     @property
     def fit_class(self) -> FitClass:
-        """Return whether all, some or none of the parts as made go together.
+        """Return whether all, some or none of the parts as fabricated go together.
 
         The terms of ISO 286-1:2010, over the whole range of sizes.
         """
@@ -102,7 +102,7 @@ class Mating:
         only if the line between them lies in both friction cones: its slope over the
         hole's width, depth / D, must be below mu. Tilted by t, a shaft touches both
         sides at a depth of c / t. The exact slope is (c / D - (1 - cos t)) / sin t, and
-        one cone is turned by t: both only raise the limit.
+        one cone is rotated by t: both only raise the limit.
 
         References
         ----------
@@ -133,13 +133,11 @@ class Mating:
 
 def mating_of(task: Task, step: TaskStep, after: State) -> Mating | None:
     """Return how the parts of an insertion mate, None if they are not round."""
-    hole_part, _, hole = (step.target or "").partition(".")
-    shaft_part, _, shaft = (step.onto or "").partition(".")
-    feature = task.parts[hole_part].features.get(hole)
-    post = task.parts[shaft_part].posts.get(shaft)
+    feature, post = hole_and_shaft(task, step)
     if feature is None or feature.kind != "circle" or post is None:
         return None
-    engaged_um = _engaged_um(task, after, hole_part, (shaft_part, shaft))
+    hole_part, shaft_part = owner_of(step.target or ""), owner_of(step.onto or "")
+    engaged_um = _engaged_um(task, after, hole_part, shaft_part, post)
     lean = sum(task.parts[n].taper_um_per_100um for n in (hole_part, shaft_part))
     edges_um = task.parts[hole_part].profile_tolerance_um + post.profile_tolerance_um
     return Mating(
@@ -152,11 +150,20 @@ def mating_of(task: Task, step: TaskStep, after: State) -> Mating | None:
     )
 
 
-def _engaged_um(task: Task, after: State, hole: str, shaft: tuple[str, str]) -> float:
+def hole_and_shaft(
+    task: Task, step: TaskStep
+) -> tuple[PartFeature | None, Post | None]:
+    """Return the feature and the post of an insertion, None for what is neither."""
+    hole_part, _, hole = (step.target or "").partition(".")
+    shaft_part, _, shaft = (step.onto or "").partition(".")
+    feature = task.parts[hole_part].features.get(hole)
+    return feature, task.parts[shaft_part].posts.get(shaft)
+
+
+def _engaged_um(task: Task, after: State, hole: str, owner: str, post: Post) -> float:
     """Return the overlap in height of a part and a post once the moves are done."""
-    owner, post = task.parts[shaft[0]], task.parts[shaft[0]].posts[shaft[1]]
     low = part_z_um(task, after, hole)
-    foot = part_z_um(task, after, shaft[0]) + owner.thickness_um
+    foot = part_z_um(task, after, owner) + task.parts[owner].thickness_um
     top = min(low + task.parts[hole].thickness_um, foot + post.height_um)
     return max(top - max(low, foot), 0.0)
 

@@ -1,4 +1,4 @@
-"""What a part that is let go lies on, and what of it hangs over."""
+"""Support of a released part: carriers, overhang, stability."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from microplan.planner.task.task import Task, TaskStep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resting:
-    """How a part lies on what is highest below it, at nominal places."""
+    """Support of a part by what is highest below it, at nominal positions."""
 
     on: tuple[str, ...]  # owners, by name; () is the stage's own surface
     gap_um: float  # by which it falls
@@ -33,9 +33,9 @@ class Resting:
 
 
 def resting(task: Task, state: State, name: str) -> Resting:
-    """Return how a part lies once it is let go in `state`.
+    """Return the support of a part that is released in `state`.
 
-    Supports that stand apart, or on both sides of a hole, carry what bridges them. The
+    Supports that lie apart, or on both sides of a hole, carry what bridges them. The
     stage's surface has no edge.
     """
     everything = bodies(task, state)
@@ -63,18 +63,18 @@ def report_resting(
 ) -> None:
     """Report a part that is let go where it hangs over, or falls off."""
     found = resting(task, state, name)
-    spread = SIGMAS * math.hypot(*(part_sigma_um(state, n) for n in (name, *found.on)))
+    sure_um = SIGMAS * math.hypot(*(part_sigma_um(state, n) for n in (name, *found.on)))
     hangs = found.beyond_um > ROUNDING_UM
-    if not found.on or not (hangs or found.inside_um < spread):
+    if not found.on or not (hangs or found.inside_um < sure_um):
         return
     over = f"{found.beyond_um:.3g} um over the edge" if hangs else "over a hole"
     under = " and ".join(found.on)
     words = f"step {step.id!r}: {name} hangs {over} of {under}, its centre "
-    if found.inside_um < spread:
+    if found.inside_um < sure_um:
         report.refuse(
             "MP308",
             step.where,
-            f"{words}{found.inside_um:.3g} um inside it, {spread:.3g} um needed at 2 "
+            f"{words}{found.inside_um:.3g} um inside it, {sure_um:.3g} um needed at 2 "
             "sigma: it may tip",
             "put it further onto what carries it",
         )
@@ -85,16 +85,13 @@ def report_resting(
 
 def _is_below(other: Body, body: Body, shape: BaseGeometry) -> bool:
     """Return whether a body on the stage lies under another one."""
+    sigma_um = math.hypot(other.sigma_z_um, body.sigma_z_um)
     return (
         other.carrier == "stage"
         and other.owner != body.owner
-        and other.z_high_um <= body.z_low_um + SIGMAS * _height_sigma_um(other, body)
+        and other.z_high_um <= body.z_low_um + SIGMAS * sigma_um
         and shape.intersection(polygon(other.outline)).area > 0
     )
-
-
-def _height_sigma_um(a: Body, b: Body) -> float:
-    return math.hypot(a.sigma_z_um, b.sigma_z_um)
 
 
 def _filled(shape: BaseGeometry) -> BaseGeometry:

@@ -1,4 +1,4 @@
-"""Outlines as shapely polygons, for collisions, shade and squeeze width."""
+"""Outlines as shapely polygons, for collisions, shade, squeeze width."""
 
 from __future__ import annotations
 
@@ -56,53 +56,59 @@ def swept(shape: BaseGeometry, box: tuple[float, float, float, float]) -> BaseGe
 
 
 def squeeze_width_um(outline: Outline, theta_rad: float) -> float:
-    """Return the width along x of the hull of `outline` turned by `theta_rad`."""
+    """Return the width along x of the hull of `outline` rotated by `theta_rad`."""
     return _width_um(_hull_points(outline), theta_rad)
 
 
 def squeeze_minima_rad(outline: Outline) -> tuple[float, ...]:
-    """Return the turns in [0, pi) at which flat jaws along x find the hull narrowest.
+    """Return the angles in [0, pi) at which flat jaws along x find the hull narrowest.
 
     The width of a convex polygon has its local minima where an edge lies flat against a
     jaw, so only the directions of hull edges need to be tried. A minimum that is less
-    than DIMPLE_UM deep is a chord of an arc, along which the part turns freely: it does
-    not count, and a disc has none.
+    than DIMPLE_UM deep is a chord of an arc, along which the part rotates freely: it
+    does not count, and a disc has none.
     """
     points = _hull_points(outline)
     edges = np.diff(np.vstack([points, points[:1]]), axis=0)
-    # turning by theta makes this edge vertical, i.e. flat against a jaw
+    # rotation by theta makes this edge vertical, i.e. flat against a jaw
     flat = np.sort(np.mod(math.pi / 2 - np.arctan2(edges[:, 1], edges[:, 0]), math.pi))
-    turns: list[float] = flat[np.diff(flat, prepend=-1.0) > 1e-9].tolist()
-    widths = [_width_um(points, t) for t in turns]
-    ends = zip([*turns[1:], turns[0] + math.pi], [*widths[1:], widths[0]], strict=True)
-    tops = [_top_um((t, w), end) for t, w, end in zip(turns, widths, ends, strict=True)]
-    return _deep(turns, widths, tops)
+    angles_rad: list[float] = flat[np.diff(flat, prepend=-1.0) > 1e-9].tolist()
+    widths = [_width_um(points, t) for t in angles_rad]
+    ends = zip(
+        [*angles_rad[1:], angles_rad[0] + math.pi],
+        [*widths[1:], widths[0]],
+        strict=True,
+    )
+    tops = [
+        _top_um((t, w), end) for t, w, end in zip(angles_rad, widths, ends, strict=True)
+    ]
+    return _deep(angles_rad, widths, tops)
 
 
 def _top_um(start: tuple[float, float], end: tuple[float, float]) -> float:
     """Return the greatest width from one flat position to the next, each (rad, um).
 
     Between them the jaws touch one pair of corners, whose distance along x is a cosine
-    of the turn.
+    of the angle.
     """
     (a, width_a), (b, width_b) = start, end
     rows = [[math.cos(a), math.sin(a)], [math.cos(b), math.sin(b)]]
     if math.isclose(math.sin(b - a), 0.0, abs_tol=1e-9):
-        return max(width_a, width_b)  # the same position twice, half a turn apart
+        return max(width_a, width_b)  # the same position twice, pi apart
     c, s = np.linalg.solve(np.array(rows), np.array([width_a, width_b]))
     peak = a + math.remainder(math.atan2(s, c) - a, 2 * math.pi)
     return float(math.hypot(c, s)) if a < peak < b else max(width_a, width_b)
 
 
 def _deep(
-    turns: list[float], widths: list[float], tops: list[float]
+    angles_rad: list[float], widths: list[float], tops: list[float]
 ) -> tuple[float, ...]:
-    """Return the turns of the minima that are at least DIMPLE_UM deep.
+    """Return the angles of the minima that are at least DIMPLE_UM deep.
 
-    `tops[i]` is the greatest width between turns i and i + 1, cyclic. The shallowest
-    place goes first, of equals the widest; its neighbours then see over it.
+    `tops[i]` is the greatest width between angles i and i + 1, cyclic. The shallowest
+    minimum goes first, of equals the widest; its neighbours then see over it.
     """
-    left = list(zip(turns, widths, tops, strict=True))
+    left = list(zip(angles_rad, widths, tops, strict=True))
     while left:
         depths = [
             (min(left[i - 1][2], top) - width, -width)
@@ -119,7 +125,7 @@ def _deep(
 
 
 def _width_um(points: np.ndarray, theta_rad: float) -> float:
-    """Return the width along x of points turned by `theta_rad`."""
+    """Return the width along x of points rotated by `theta_rad`."""
     x = points @ np.array([math.cos(theta_rad), -math.sin(theta_rad)])
     return float(np.ptp(x))
 

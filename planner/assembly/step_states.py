@@ -15,9 +15,9 @@ from microplan.planner.assembly.assembly import (
     turned_tip_um,
 )
 from microplan.planner.assembly.certain_starts import (
-    report_certain,
+    report_certain_starts,
     report_faces,
-    report_unused,
+    report_unused_input,
 )
 from microplan.planner.assembly.holding import grasp, release
 from microplan.planner.assembly.swept_volume import sweep_hits
@@ -81,7 +81,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     """
     state, found = initial(task), []
     report_faces(task, report)
-    report_certain(task, report)
+    report_certain_starts(task, report)
     for tool in list(task.tool_starts.values())[1:]:
         message = (
             f"{tool.name} is a second tool on the robot; one at a time is modelled"
@@ -90,7 +90,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     for step in task.steps:
         if not _possible(task, state, step, report):
             break
-        report_unused(task, state, step, report)
+        report_unused_input(task, state, step, report)
         found.append(_unfold_step(task, state, step, report))
         state = found[-1].after
     return tuple(found)
@@ -109,7 +109,8 @@ def _unfold_step(task: Task, state: State, step: TaskStep, report: Report) -> St
     at_look = placed
     if step.verb == "align":
         at_look, path = approach(task, placed, step, report)
-    after = _ACTIONS[step.verb](task, at_look, step, report)
+    act = _ACTIONS.get(step.verb)
+    after = at_look if act is None else act(task, at_look, step, report)
     return StepState(
         step=step,
         moves=() if step.verb == "insert" else moves,
@@ -143,7 +144,7 @@ def _possible(task: Task, state: State, step: TaskStep, report: Report) -> bool:
 
 
 def _possible_align(task: Task, state: State, step: TaskStep, report: Report) -> bool:
-    """Report an alignment of things nobody has measured, or that move together."""
+    """Report an alignment of things that were not measured, or that move together."""
     target, to = step.target or "", step.to or ""
     for name in (target, to):
         if not _located(state, name):
@@ -178,7 +179,7 @@ def _located(state: State, name: str) -> bool:
 
 
 def _view(task: Task, state: State, step: TaskStep) -> tuple[Move, ...]:
-    """Return the stage move that brings the target's nominal place to `view_um`."""
+    """Return the stage move that brings the target's nominal position to `view_um`."""
     if step.view_um is None or step.target is None:
         return ()
     place = locate_place(task, state, step.target)
@@ -205,11 +206,6 @@ def _locate(task: Task, state: State, step: TaskStep, report: Report) -> State: 
     return replace(state, located=located, tip_sigma_um=tip_um)
 
 
-def _keep(task: Task, state: State, step: TaskStep, report: Report) -> State:  # noqa: ARG001
-    """Return the state unchanged."""
-    return state
-
-
 def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     """Return the state after the insertion's own moves."""
     exempt = frozenset(
@@ -220,14 +216,10 @@ def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     return state
 
 
-Act = Callable[[Task, State, TaskStep, Report], State]
-
-_ACTIONS: Mapping[str, Act] = {
+# a verb's effect on the state apart from its moves; others have none
+_ACTIONS: Mapping[str, Callable[[Task, State, TaskStep, Report], State]] = {
     "locate": _locate,
-    "align": _keep,
     "grasp": grasp,
-    "move": _keep,
     "insert": _insert,
     "release": release,
-    "verify": _keep,
 }

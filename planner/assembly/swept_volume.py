@@ -1,8 +1,8 @@
 """Swept volumes of moves or closing jaws, with what they would hit.
 
 Moving bodies are taken as their convex hulls, which errs on the safe side. Every
-clearance must hold at two sigma of the bodies' relative place. The stage's surface is
-taken as unbounded: whatever the robot carries must stay above it.
+clearance must hold at two sigma of the bodies' relative position. The stage's surface
+is taken as unbounded: whatever the robot carries must stay above it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from microplan.planner.task.task import Task, TaskStep
 def jaw_hits(
     task: Task, state: State, opening_um: float, between: str
 ) -> tuple[Hit, ...]:
-    """Return what the fingers hit on their way to another opening.
+    """Return the collisions of the fingers that go to another opening.
 
     The part `between` them is meant to be touched; the stage's surface is as far below
     as it was.
@@ -75,17 +75,17 @@ class Hit:
 
     moving: str
     still: str
-    gap_um: float  # what is left between them, sideways or in height, at nominal place
+    gap_um: float  # what is left between them, sideways or in height, nominally
     needed_um: float  # two sigma
 
     @property
     def sigma_um(self) -> float:
-        """Return the spread of the gap."""
+        """Return the standard deviation of the gap, um."""
         return self.needed_um / SIGMAS
 
     @property
     def chance(self) -> float:
-        """Return the chance that they touch: a normal gap below nothing."""
+        """Return the probability that they touch: that a normal gap is below 0."""
         if self.needed_um <= 0:
             return float(self.gap_um <= 0)
         return math.erfc(self.gap_um / self.sigma_um / math.sqrt(2)) / 2
@@ -100,7 +100,7 @@ def sweep_hits(
     deviation: Box | None = None,
     exempt: frozenset[frozenset[str]] = frozenset(),
 ) -> tuple[Hit, ...]:
-    """Return what bodies on `carrier` hit on their way from `before` to `after`.
+    """Return the collisions of bodies on `carrier` that go from `before` to `after`.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def sweep_hits(
     carrier : {"stage", "robot"}
         Which bodies move.
     deviation : (x_min, y_min, x_max, y_max) um, optional
-        Offsets from nominal that the moving bodies may have, instead of their spread.
+        Offsets from nominal that the moving bodies may have, instead of their sigma.
     exempt : set of pairs of owners
         Pairs that are meant to touch.
 
@@ -144,7 +144,8 @@ def sweep_gaps(
         for start, end in itertools.pairwise(_legs(before, after, carrier))
         for hit in _leg_gaps(task, start, end, carrier, deviation, exempt)
     ]
-    worst = {(h.moving, h.still): h for h in sorted(found, key=_least_gap_last)}
+    found.sort(key=lambda hit: -hit.gap_um)  # the closest of a pair comes last
+    worst = {(hit.moving, hit.still): hit for hit in found}
     return tuple(worst[pair] for pair in sorted(worst))
 
 
@@ -200,11 +201,10 @@ def _surface_gap(
 def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
     """Return the states between which a move is as good as straight.
 
-    A turn is cut into legs of at most TURN_RAD: the hull of a leg's ends misses less
-    than a micrometre of the arc at the far end of a 20 mm finger.
+    A rotation is cut into legs of at most TURN_RAD: the hull of a leg's ends misses
+    less than a micrometre of the arc at the far end of a 20 mm finger.
     """
-    start = before.stage if carrier == "stage" else before.robot
-    end = after.stage if carrier == "stage" else after.robot
+    start, end = before.axes(carrier), after.axes(carrier)
     count = max(1, math.ceil(abs(end.theta_rad - start.theta_rad) / TURN_RAD))
     states = [before]
     for k in range(1, count):
@@ -215,17 +215,8 @@ def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
             z_um=start.z_um + part * (end.z_um - start.z_um),
             theta_rad=start.theta_rad + part * (end.theta_rad - start.theta_rad),
         )
-        states.append(
-            replace(before, stage=axis)
-            if carrier == "stage"
-            else replace(before, robot=axis)
-        )
+        states.append(before.carried(carrier, axis))
     return (*states, after)
-
-
-def _least_gap_last(hit: Hit) -> float:
-    """Return what sorts hits so that the closest comes last."""
-    return -hit.gap_um
 
 
 def _gap(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | None:

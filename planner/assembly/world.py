@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
+from typing import TypeVar
 
 import numpy as np
 import shapely
 
 from microplan.arrays import FloatArray
-from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline, Segment
 from microplan.planner.assembly.assembly import Axis4, Carrier, State
 from microplan.planner.assembly.shapes import CHORD_UM, hull, squeeze_minima_rad
 from microplan.planner.task.task import Part, Task
-from microplan.planner.task.workcell import AxesSpec, Interval, Tool
+from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.files.world import (
     World,
     WorldAxes,
@@ -29,6 +30,8 @@ from microplan.schemas.files.world import (
 from microplan.schemas.plan import AxisMove
 from microplan.schemas.plan.views import MOST_CORNERS, Fingers, Prism, Solid
 from microplan.schemas.pose import Pose
+
+T = TypeVar("T")
 
 ROUNDING = 4  # decimals, um: far within CHORD_UM, by which every prism is wider
 TIE = 1e-6  # relative: areas that differ by less are equal but for rounding
@@ -111,12 +114,12 @@ def _tips(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
     meet, (N, 2)."""
     start, end = corners, np.roll(corners, -1, axis=0)
     out, ahead = start - np.roll(corners, 1, axis=0), np.roll(corners, -2, axis=0) - end
-    way, cross = end - start, _cross(out, ahead)
+    along, cross = end - start, _cross(out, ahead)
     lengths = np.hypot(*out.T) * np.hypot(*ahead.T)
     meet = cross > _PARALLEL * lengths
-    share = _cross(way, ahead) / np.where(meet, cross, 1.0)
+    share = _cross(along, ahead) / np.where(meet, cross, 1.0)
     tips = start + share[:, None] * out
-    areas = np.where(meet, np.abs(_cross(way, tips - start)) / 2, np.inf)
+    areas = np.where(meet, np.abs(_cross(along, tips - start)) / 2, np.inf)
     return areas, tips
 
 
@@ -184,106 +187,85 @@ def world_outline(outline: Outline) -> WorldOutline:
     )
 
 
+def _of(kind: type[T], *sources: object, **given: object) -> T:
+    """Return a value of `kind`: fields as given, the others as sources name them."""
+    taken = {
+        field.name: getattr(source, field.name)
+        for source in sources
+        for field in fields(kind)  # type: ignore[arg-type]  # all are dataclasses
+        if hasattr(source, field.name)
+    }
+    return kind(**{**taken, **given})
+
+
 def _part(task: Task, part: Part) -> WorldPart:
     """Return a part with its holes, posts and start."""
     start = task.part_starts[part.name]
-    return WorldPart(
-        name=part.name,
+    return _of(
+        WorldPart,
+        part,
+        start,
         outline=world_outline(part.outline),
-        thickness_um=part.thickness_um,
-        reflectance=part.reflectance,
-        profile_tolerance_um=part.profile_tolerance_um,
         posts=tuple(
-            WorldPost(
+            _of(
+                WorldPost,
+                post,
                 name=f"{part.name}.{post.name}",
                 outline=world_outline(post.outline),
-                height_um=post.height_um,
-                reflectance=post.reflectance,
-                center_um=post.center_um,
-                radius_um=post.radius_um,
-                profile_tolerance_um=post.profile_tolerance_um,
             )
             for post in part.posts.values()
         ),
         holes=tuple(
-            WorldHole(
-                name=f"{part.name}.{feature.name}",
-                center_um=feature.center_um,
-                radius_um=feature.radius_um,
-            )
+            _of(WorldHole, feature, name=f"{part.name}.{feature.name}")
             for feature in part.features.values()
             if feature.kind == "circle" and feature.hole
         ),
         hull_minima_rad=squeeze_minima_rad(part.outline),
         start=Pose(x_um=start.x_um, y_um=start.y_um, theta_rad=start.theta_rad),
-        theta_any=start.theta_any,
-        sigma_xy_um=start.sigma_xy_um,
-        sigma_theta_rad=start.sigma_theta_rad,
     )
 
 
 def _tool(tool: Tool, opening_um: float) -> WorldTool:
     """Return a tool with its jaws closed in the drawing."""
-    return WorldTool(
-        name=tool.name,
+    return _of(
+        WorldTool,
+        tool,
         left=world_outline(tool.left),
         right=world_outline(tool.right),
-        thickness_um=tool.thickness_um,
-        reflectance=tool.reflectance,
-        opening_um=tool.opening_um,
         start_opening_um=opening_um,
-        stick_probability=tool.stick_probability,
     )
+
+
+def axis_move(name: Carrier, axes: Axis4) -> AxisMove:
+    """Return the readings of one axis group as a plan has them."""
+    return _of(AxisMove, axes, axes=name)
 
 
 def _axes(name: Carrier, axes: AxesSpec, start: Axis4) -> WorldAxes:
     """Return one axis group with its start readings."""
-    limits: dict[str, Interval] = {key: axes.limits[key] for key in sorted(axes.limits)}
-    return WorldAxes(
-        start=AxisMove(
-            axes=name,
-            x_um=start.x_um,
-            y_um=start.y_um,
-            z_um=start.z_um,
-            theta_rad=start.theta_rad,
-        ),
-        repeatability_xy_um=axes.repeatability_xy_um,
-        repeatability_z_um=axes.repeatability_z_um,
-        repeatability_theta_rad=axes.repeatability_theta_rad,
-        limits=limits,
-        speed_xy_um_per_s=axes.speed_xy_um_per_s,
-        speed_z_um_per_s=axes.speed_z_um_per_s,
-        speed_theta_rad_per_s=axes.speed_theta_rad_per_s,
-        settle_s=axes.settle_s,
-    )
+    limits = {key: axes.limits[key] for key in sorted(axes.limits)}
+    return _of(WorldAxes, axes, start=axis_move(name, start), limits=limits)
 
 
 def _optics(task: Task) -> WorldOptics:
     """Return microscope and camera."""
     optics, camera = task.workcell.optics, task.workcell.camera
-    return WorldOptics(
-        magnification=optics.magnification,
-        apertures=optics.apertures,
-        wavelength_um=optics.wavelength_um,
-        medium_index=optics.medium_index,
-        pitch_um=camera.pitch_um,
-        width_px=camera.width_px,
-        height_px=camera.height_px,
-        fill_factor=camera.fill_factor,
-        bits=camera.bits,
-        full_well_e=camera.full_well_e,
-        read_noise_e=camera.read_noise_e,
+    lens = optics.lens  # each cell draws its own of what is unknown
+    lateral = (lens.lateral_x, lens.lateral_y)
+    return _of(
+        WorldOptics,
+        optics,
+        camera,
+        optics.zoom,
+        optics.focus,
         zoom_time_s=optics.zoom.time_s,
-        parcentric_sigma_um=optics.zoom.parcentric_sigma_um,
-        scale_sigma=optics.zoom.scale_sigma,
         focus_um=(optics.focus.min_um, optics.focus.max_um),
         focus_time_s=optics.focus.time_s,
         focus_repeatability_um=optics.focus.repeatability_um,
-        lateral_sigma_um_per_um=optics.focus.lateral_sigma_um_per_um,
-        frame_time_s=1 / task.workcell.camera.rate_hz,
+        frame_time_s=1 / camera.rate_hz,
         light=task.workcell.light.level,
         light_gradient=task.workcell.light.gradient,
-        lens=_lens(optics.lens),
+        lens=_of(WorldLens, lens, lateral_um_per_um=lateral),
         lamp_share=_lamp_share(task),
     )
 
@@ -293,16 +275,3 @@ def _lamp_share(task: Task) -> float:
     if task.workcell.light.kind != "coaxial":
         return 0.0
     return min(task.workcell.optics.coherence or 1.0, 1.0)
-
-
-def _lens(lens: LensErrors) -> WorldLens:
-    """Return the lens' errors; what each cell makes of the unknown is its own."""
-    return WorldLens(
-        distortion=lens.distortion,
-        distortion_sigma=lens.distortion_sigma,
-        lateral_um_per_um=(lens.lateral_x, lens.lateral_y),
-        scale_per_um=lens.scale_per_um,
-        scale_sigma_per_um=lens.scale_sigma_per_um,
-        field_curvature_per_um=lens.field_curvature_per_um,
-        field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um,
-    )

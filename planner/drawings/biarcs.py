@@ -14,7 +14,7 @@ from microplan.optics.outline.outline import Arc, Edge, Segment
 
 
 def fit_circle(corners: FloatArray) -> tuple[tuple[float, float], float]:
-    """Return centre and radius of the circle nearest to points, in least squares.
+    """Return centre and radius, um, of the circle nearest to points, (N, 2) um.
 
     Minimises the sum of ((r_k^2 - R^2) / 2)^2, which is linear in the centre and in
     R^2 (Kasa, IEEE Trans. Instrum. Meas. 25, 8, 1976).
@@ -95,7 +95,7 @@ def _pair(span: CurveSpan, within: float) -> list[Edge] | None:
     turn = 1 - (one * two.conjugate()).real
     if along <= 0 or turn > 0.5:  # bends by more than 60 degrees
         return None
-    # the root of turn d^2 + along d = |chord|^2 / 2 that is right for turn = 0 too
+    # the root of turn d^2 + along d = |chord|^2 / 2 that also holds for turn = 0
     square = abs(chord) ** 2
     d = square / (along + math.sqrt(along**2 + 2 * turn * square))
     joint = (start + end + d * (one - two)) / 2

@@ -1,4 +1,4 @@
-"""What a drawing gave: outlines, and by layer what was taken and what was not."""
+"""Outlines taken from a drawing, counts by layer of entities taken or ignored."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def layer_rows(held: Counts, takes: Sequence[Taken]) -> tuple[LayerRow, ...]:
         All that was taken from it.
     """
     chosen = {name.lower() for take in takes for name in take.layers}
-    names: dict[str, str] = {}  # DXF does not tell "A" from "a"
+    names: dict[str, str] = {}  # in DXF "A" and "a" are one layer
     for layer, _ in (*held, *(key for take in takes for key in take.taken)):
         names.setdefault(layer.lower(), layer)
     left = _folded(held)

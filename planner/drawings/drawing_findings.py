@@ -1,4 +1,4 @@
-"""What is said about drawings: what was left out, and what looks like a mistake."""
+"""Findings on drawings: entities left out, likely mistakes of size, unit or grid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DECIMALS = range(-3, 9)
 
 
 def header_unit(code: int) -> str | None:
-    """Return the unit that $INSUNITS stands for, None if it says nothing."""
+    """Return the unit that $INSUNITS stands for, None if it names none."""
     return _INSUNITS.get(code)
 
 
@@ -45,6 +45,12 @@ def body_places(rings: Sequence[Ring]) -> str:
         )
     more = ["..."] if len(outer) > MAX_LISTED else []
     return ", ".join([*places, *more])
+
+
+def extent_um(outline: Outline) -> float:
+    """Return the longer side of an outline's bounds, um."""
+    x0, y0, x1, y1 = outline.bounds_um
+    return max(x1 - x0, y1 - y0)
 
 
 def report_troubles(
@@ -83,7 +89,7 @@ def report_size(
     file: str, units: str, outline: Outline, at: Span, report: Report
 ) -> bool:
     """Return whether a part can have this size; else name the unit that would fit."""
-    extent = _extent_um(outline)
+    extent = extent_um(outline)
     if MIN_UM <= extent <= MAX_UM:
         return True
     raw = extent / UM_PER_UNIT[units]
@@ -107,7 +113,7 @@ def warn_coarse(
     if len(values) < _MANY_VALUES:
         return
     grid = next((10.0**-k for k in _DECIMALS if _on_grid(values, k)), 0.0) * um
-    extent = _extent_um(outline)
+    extent = extent_um(outline)
     if grid * _FINE_STEPS <= extent:
         return
     message = (
@@ -131,7 +137,7 @@ def counts_said(counts: Mapping[str, int]) -> str:
 
 
 def places_said(ends: Sequence[OpenEnd]) -> str:
-    """Return coordinates and handles of ends, those at one place together."""
+    """Return coordinates and handles of ends, those at one point together."""
     places: dict[tuple[str, str], list[str]] = {}
     for end in ends:
         place = f"{end.x_um + 0.0:.6g}", f"{end.y_um + 0.0:.6g}"
@@ -142,11 +148,6 @@ def places_said(ends: Sequence[OpenEnd]) -> str:
     ]
     more = len(places) - len(said)
     return ", ".join(said) + (f" and {more} more" if more else "")
-
-
-def _extent_um(outline: Outline) -> float:
-    x0, y0, x1, y1 = outline.bounds_um
-    return max(x1 - x0, y1 - y0)
 
 
 def _given(pieces: Sequence[Piece]) -> list[float]:

@@ -1,4 +1,4 @@
-"""Nest rings into an outline: outer rings counter-clockwise, holes clockwise."""
+"""Nesting of rings into an outline: outer ones counter-clockwise, holes clockwise."""
 
 from __future__ import annotations
 

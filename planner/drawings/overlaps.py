@@ -79,8 +79,8 @@ def _shared_um(a: Edge, b: Edge) -> float:
     if isinstance(a, Segment) and isinstance(b, Segment):
         if a.length_um < b.length_um:
             a, b = b, a
-        way, length = _frame(a)
-        local = [_local(a, way, point) for point in (b.start, b.end)]
+        along, length = _frame(a)
+        local = [_local(a, along, point) for point in (b.start, b.end)]
         if any(abs(z.imag) > _ALONG_UM for z in local):
             return 0.0
         low, high = sorted(z.real for z in local)
@@ -94,7 +94,7 @@ def _shared_um(a: Edge, b: Edge) -> float:
 
 
 def _turns(a: Arc, b: Arc) -> Iterator[tuple[float, float]]:
-    """Yield where `b` lies along the sweep of `a`, with and without a turn less."""
+    """Yield where `b` lies along the sweep of `a`, with and without 2 pi less."""
     low = _angle(a, b.start if b.sweep_rad * a.sweep_rad > 0 else b.end)
     if b.is_circle:
         low = 0.0
@@ -105,8 +105,8 @@ def _turns(a: Arc, b: Arc) -> Iterator[tuple[float, float]]:
 def _cut(edge: Edge, points: Sequence[Point]) -> list[Edge]:
     """Return an edge cut at those points that lie within it."""
     if isinstance(edge, Segment):
-        way, length = _frame(edge)
-        places = sorted((_local(edge, way, point).real, point) for point in points)
+        along, length = _frame(edge)
+        places = sorted((_local(edge, along, point).real, point) for point in points)
         inside = [p for at, p in places if _LEAST_UM < at < length - _LEAST_UM]
         corners = _once([edge.start, *inside, edge.end])
         return [Segment(start=a, end=b) for a, b in pairwise(corners)]
@@ -152,10 +152,10 @@ def _angle(arc: Arc, point: Point) -> float:
 
 def _frame(line: Segment) -> tuple[complex, float]:
     """Return the unit direction and the length of a segment."""
-    way = complex(*line.end) - complex(*line.start)
-    return way / abs(way), abs(way)
+    along = complex(*line.end) - complex(*line.start)
+    return along / abs(along), abs(along)
 
 
-def _local(line: Segment, way: complex, point: Point) -> complex:
-    """Return a point along (real) and beside (imaginary) a segment."""
-    return (complex(*point) - complex(*line.start)) * way.conjugate()
+def _local(line: Segment, along: complex, point: Point) -> complex:
+    """Return a point's distance along (real) and across (imaginary) a segment."""
+    return (complex(*point) - complex(*line.start)) * along.conjugate()

@@ -1,4 +1,4 @@
-"""Pieces of outlines as a drawing holds them, and why some cannot be taken."""
+"""Pieces of outlines as drawn, with reasons why some cannot be taken."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ class Drawn:
     taken: Counter[tuple[str, str]] = field(default_factory=Counter)
     skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
     strokes: list[str] = field(default_factory=list)  # handles of lines with a width
-    # hatches without an exact reading, with their layers; beside lines none is needed
+    # hatches without an exact reading, with their layers; needed only without lines
     unread: list[tuple[str, Trouble]] = field(default_factory=list)
     arc_count: int = 0  # of curves

@@ -1,4 +1,4 @@
-"""Chain loose edges into closed rings, and put rings into one canonical form."""
+"""Closed rings chained from loose edges, in one canonical form."""
 
 from __future__ import annotations
 
@@ -202,7 +202,7 @@ def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
 
 
 def _walk(loose: Sequence[Piece], mates: dict[_End, _End]) -> list[list[Piece]]:
-    """Return closed paths of pieces, turned to run one way; every end has a mate."""
+    """Return closed paths of pieces with one direction each; every end has a mate."""
     starts = {(end.piece, end.last): end for end in mates}
     paths, seen = [], set()
     for first in range(len(loose)):
@@ -226,7 +226,7 @@ def _backwards(piece: Piece) -> Piece:
 
 
 def _turned(edge: Edge) -> Edge:
-    """Return the edge run the other way."""
+    """Return the edge with its direction reversed."""
     if isinstance(edge, Segment):
         return Segment(start=edge.end, end=edge.start)
     end_rad = edge.start_rad + edge.sweep_rad

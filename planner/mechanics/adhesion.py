@@ -4,13 +4,13 @@ Faces touch at their roughest points. The least pull is that of three steep aspe
 on bare faces that repel water and hold no charge. The greatest is that of blunt ones
 with the whole face at one roughness away (van der Waals, contact potential), of a round
 meniscus as wide as the face, or of a flooded gap where the air is humid enough
-(capillary), or of the field at which air breaks down (charge). Geometry alone cannot
-tell where real parts lie.
+(capillary), or of the field at which air breaks down (charge). Geometry alone does not
+decide where real parts lie.
 
 References
 ----------
 Fearing (1995), Survey of sticking effects for micro parts handling: below a millimetre
-these forces count beside weight. Every formula is derived where it stands, and again in
+these forces exceed weight. Every formula is derived where it is used, and again in
 the tests; constants that are not derived are from:
 Yang et al. (2020), Capillary condensation under atomic-scale confinement, Nature, eq.
 (1): the humidity that fills a slit.
@@ -25,10 +25,11 @@ are about 1 V apart under a Kelvin probe.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from microplan.planner.task.task import Environment, Part
+from microplan.planner.task.task import Environment, Part, Task
 from microplan.schemas.plan.verdicts import Force
 
 Bounds = tuple[float, float]
@@ -54,7 +55,7 @@ LIQUID_INDEX = 1.1
 def weight_un(material: str, volume_um3: float, *, medium_index: float = 1.0) -> Bounds:
     """Return the least and greatest weight of a part, uN.
 
-    In a liquid, whose density nobody states, buoyancy may take all of it.
+    In a liquid, whose density is not specified, buoyancy may take all of it.
     """
     known = DENSITY.get(_named(material))
     low, high = UNKNOWN_DENSITY if known is None else (known, known)
@@ -127,7 +128,7 @@ def forces(face: ContactFace, environment: Environment) -> tuple[Force, ...]:
 
     Parameters
     ----------
-    face : Face
+    face : ContactFace
         Area over which the bodies face each other, and in what.
     environment : Environment
         Humidity, charge, roughness.
@@ -172,6 +173,22 @@ def forces(face: ContactFace, environment: Environment) -> tuple[Force, ...]:
             "unlike ones" + air,
         ),
     )
+
+
+def part_forces(task: Task, area_um2: float, names: Iterable[str]) -> tuple[Force, ...]:
+    """Return the forces on a face of parts; fingers and stage are taken to conduct."""
+    face = ContactFace(
+        area_um2=area_um2,
+        conducts=all(conducts(task.parts[name].material) for name in names),
+        liquid=in_liquid(task.workcell.optics.medium_index),
+    )
+    return forces(face, task.environment)
+
+
+def part_weight_un(task: Task, part: Part) -> Bounds:
+    """Return the least and greatest weight of a part with its posts, uN."""
+    index = task.workcell.optics.medium_index
+    return weight_un(part.material, volume_um3(part), medium_index=index)
 
 
 def total(found: tuple[Force, ...]) -> Bounds:

@@ -1,4 +1,4 @@
-"""How firmly jaws hold a part, and how well its angle is known then."""
+"""Grip of a part by the jaws: room, holding force, angle."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.mechanics.adhesion import (
     Bounds,
-    ContactFace,
-    conducts,
-    forces,
     in_liquid,
+    part_forces,
+    part_weight_un,
     total,
-    volume_um3,
-    weight_un,
 )
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Tool
@@ -38,10 +35,10 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
     step, state = here.step, here.at_look
     name = owner_of(step.target or "")
     part, tool = task.parts[name], task.workcell.tools[step.tool or ""]
-    stands = between_jaws(task, state, step)
+    between = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{tool.name}.grip")
     minima = squeeze_minima_rad(part.outline)
-    squeeze = (stands.width_um - (step.opening_um or 0.0)) / 2
+    squeeze = (between.width_um - (step.opening_um or 0.0)) / 2
     force = holding_un(tool, squeeze, part.profile_tolerance_um)
     lift = _lift(task, name)
     verdict, reason = _holds(force, lift, task.environment.friction)
@@ -49,10 +46,10 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
         verdict, reason = "may slip", f"{reason}; double layers are not modelled"
     return GraspVerdict(
         opening_um=state.opening_um,
-        width_um=stands.width_um,
+        width_um=between.width_um,
         width_range_um=_width_range(task, step, minima),
-        room_um=stands.room_um,
-        needed_um=SIGMAS * math.hypot(stands.sigma_um, grip.sigma_xy_um),
+        room_um=between.room_um,
+        needed_um=SIGMAS * math.hypot(between.sigma_um, grip.sigma_xy_um),
         settles=len(minima),
         theta_within_rad=widest_gap_rad(minima) / 2 if minima else None,
         theta_sigma_rad=here.after.parts[name].sigma_theta_rad,
@@ -90,7 +87,7 @@ def stiffness_un_per_um(tool: Tool) -> float | None:
 
 
 def widest_gap_rad(minima: tuple[float, ...]) -> float:
-    """Return the widest gap between angles in [0, pi) that repeat every half turn."""
+    """Return the widest gap between angles in [0, pi) that repeat every pi."""
     ring = (*minima, minima[0] + math.pi)
     return max(after - before for before, after in itertools.pairwise(ring))
 
@@ -106,14 +103,9 @@ def _width_range(task: Task, step: TaskStep, minima: tuple[float, ...]) -> Bound
 
 def _lift(task: Task, name: str) -> Bounds:
     """Return what lifting a part off its face takes, uN."""
-    part, index = task.parts[name], task.workcell.optics.medium_index
-    face = ContactFace(
-        area_um2=part.outline.area_um2,
-        conducts=conducts(part.material),
-        liquid=in_liquid(index),
-    )
-    low, high = total(forces(face, task.environment))
-    weight = weight_un(part.material, volume_um3(part), medium_index=index)
+    part = task.parts[name]
+    low, high = total(part_forces(task, part.outline.area_um2, [name]))
+    weight = part_weight_un(task, part)
     return weight[0] + low, weight[1] + high
 
 

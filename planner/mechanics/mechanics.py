@@ -1,4 +1,4 @@
-"""The mechanical half of the effects ledger: what was modelled, and how."""
+"""Mechanical effects of a step in the ledger: modelled or not, at what level."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ def mechanical_rows(
     if grasp is not None:
         rows += _grasp_rows(grasp)
     if release is not None:
-        if budget.analysis is not None:  # somebody asks where the part comes to lie
+        if (
+            budget.analysis is not None
+        ):  # the position of the released part is asked for
             rows += _budget_rows(budget)
         rows += _adhesion_rows(release)
     else:
@@ -82,7 +84,7 @@ def _budget_rows(budget: Budget) -> list[EffectRow]:
 
 
 def _grasp_rows(grasp: GraspVerdict) -> list[EffectRow]:
-    """Return what holds the part, and how it turns."""
+    """Return what holds the part, and how it rotates."""
     level = LEFT_OUT if grasp.force_un is None else "cantilever"
     most = None if grasp.force_un is None else grasp.force_un[1]
     return [

@@ -1,4 +1,4 @@
-"""Does a part stay when the jaws open: verdict, ladder of actions, verifying look."""
+"""Release of a part: adhesion against hold, ladder of actions, verifying look."""
 
 from __future__ import annotations
 
@@ -17,15 +17,12 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS, jaw_hits
 from microplan.planner.mechanics.adhesion import (
     Bounds,
-    ContactFace,
     Sticks,
-    conducts,
-    forces,
     in_liquid,
+    part_forces,
+    part_weight_un,
     total,
     verdict,
-    volume_um3,
-    weight_un,
 )
 from microplan.planner.mechanics.gripping import stiffness_un_per_um
 from microplan.planner.task.task import Part, Task, TaskStep
@@ -97,23 +94,15 @@ def _grip(
 ) -> _Grip:
     """Return the forces on a part between a finger and what it lies on.
 
-    Fingers and stage are taken to conduct; `support` names the parts below, None where
-    nothing is.
+    `support` names the parts below, None where nothing is.
     """
-    index = task.workcell.optics.medium_index
-
-    def pulls(area_um2: float, parts: frozenset[str]) -> tuple[Force, ...]:
-        flows = all(conducts(task.parts[name].material) for name in parts)
-        face = ContactFace(area_um2=area_um2, conducts=flows, liquid=in_liquid(index))
-        return forces(face, task.environment)
-
     below: tuple[Force, ...] = ()
     if support is not None:
-        below = pulls(part.outline.area_um2, support | {part.name})
+        below = part_forces(task, part.outline.area_um2, support | {part.name})
     return _Grip(
-        finger=pulls(contact_um2, frozenset((part.name,))),
+        finger=part_forces(task, contact_um2, [part.name]),
         below=below,
-        weight_un=weight_un(part.material, volume_um3(part), medium_index=index),
+        weight_un=part_weight_un(task, part),
         friction=task.environment.friction,
     )
 
@@ -146,7 +135,7 @@ def _on_shaft(
 
 
 def _away_um(task: Task, here: StepState) -> float:
-    """Return how far each finger moves off the part, which stood between them."""
+    """Return how far each finger moves off the part between them, um."""
     name = owner_of(here.step.target or "")
     turn_rad = here.at_look.parts[name].pose.theta_rad
     width_um = squeeze_width_um(task.parts[name].outline, turn_rad)

@@ -1,4 +1,4 @@
-"""Contradictions in a workcell, or of its limits with readings or part sizes."""
+"""Checks of a workcell: contradictory values, readings or part sizes out of range."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from microplan.optics.outline.outline import Outline
-from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
+from microplan.planner.drawings.drawing_findings import UM_PER_UNIT, extent_um
 from microplan.planner.drawings.dxf.drawing import Drawing
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
@@ -27,8 +27,7 @@ def check_sizes(parts: Mapping[str, Part], cell: Workcell, report: Report) -> No
     """
     for name in sorted(parts):
         part = parts[name]
-        x0, y0, x1, y1 = part.outline.bounds_um
-        extent = max(x1 - x0, y1 - y0)
+        extent = extent_um(part.outline)
         drawing = part.sheet.drawing
         if not isinstance(drawing, Drawing):
             continue
@@ -107,7 +106,7 @@ def _check(
 
 
 def _readings(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
-    """Yield where axis readings stand, and of which axes."""
+    """Yield the keys of axis readings, and of which axes."""
     yield ("start", "stage"), "stage"
     for name in task.source.mapping("start"):
         if task.source.get("start", name, "on") == "robot":
@@ -120,7 +119,7 @@ def _readings(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
 
 
 def _openings(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
-    """Yield where jaw openings stand, and of which tool."""
+    """Yield the keys of jaw openings, and of which tool."""
     tools = []
     for name in task.source.mapping("start"):
         if task.source.get("start", name, "on") == "robot":
@@ -231,7 +230,7 @@ def _check_aperture(source: Source, report: Report) -> None:
 
 
 def _check_scale(source: Source, report: Report) -> None:
-    """Report a scale by focus that would turn the image inside out."""
+    """Report a scale by focus that would change the magnification too much."""
     focus = source.data["optics"]["focus"]
     scale = abs(focus.get("scale_per_um", 0.0))
     travel_um = max(abs(focus["min_um"]), abs(focus["max_um"]))

@@ -1,4 +1,4 @@
-"""Read a drawing of any format: which one it is, its first bytes say."""
+"""Drawings of any format, recognised by their first bytes."""
 
 from __future__ import annotations
 

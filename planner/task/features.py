@@ -1,4 +1,4 @@
-"""Find declared features in an outline: circles, toothed rings, notches."""
+"""Geometric features of an outline: circles, toothed rings, notches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
 from microplan.planner.drawings.biarcs import fit_circle
 from microplan.planner.drawings.rings import SAME_UM, same_circle
 
-LEAST_CORNERS = 8  # of a polygon that may stand for a circle
+LEAST_CORNERS = 8  # of a polygon that may be taken for a circle
 
 
 class NotFoundError(ValueError):
@@ -52,7 +52,7 @@ class RingNotch:
     center_um: Point  # of the circle
     radius_um: float  # of the notch's middle, from that centre
     angle_rad: float  # of the notch's middle, in [0, 2 pi)
-    width_um: float  # between the places where it leaves the circle
+    width_um: float  # between the points where it leaves the circle
     depth_um: float
 
 
@@ -145,7 +145,7 @@ def dominant_circle(ring: Ring) -> DominantCircle | None:
 
 
 def _frequent(arcs: Sequence[Arc], least_um: float) -> Iterator[Arc]:
-    """Yield the arcs beside which, on about their circle, there is enough length.
+    """Yield the arcs about whose circle there is enough length of others.
 
     Each is compared with those in the cells around its own, not with all.
     """

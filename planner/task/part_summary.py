@@ -1,4 +1,4 @@
-"""What `microplan check` says of each part: its shape, and its drawing by layer."""
+"""Summary of each part for `microplan check`: its shape, its drawing by layer."""
 
 from __future__ import annotations
 

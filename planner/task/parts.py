@@ -1,4 +1,4 @@
-"""Parts from their drawings: outlines, posts and features in the part's frame."""
+"""Parts from their drawings: outlines, posts, features in the part's frame."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartF
     found = features.notch(shape.rings)
     return _make(
         name, raw, at, found.center_um, radius_um=found.radius_um,
-        phase_rad=found.angle_rad, width_um=found.width_um, depth_um=found.depth_um,
+        phase_rad=found.angle_rad, width_um=found.width_um,
     )  # fmt: skip
 
 
@@ -189,17 +189,12 @@ def _outline_feature(
 
 
 def _make(
-    name: str, raw: Mapping[str, Any], at: Span, center_um: Point, *,
-    radius_um: float, count: int = 1, root_um: float = 0.0, phase_rad: float = 0.0,
-    width_um: float = 0.0, depth_um: float = 0.0, hole: bool = False,
-    chord_um: float = 0.0,
-) -> PartFeature:  # fmt: skip
-    """Return the feature with the values its kind does not have at their neutral."""
+    name: str, raw: Mapping[str, Any], at: Span, center_um: Point, **values: Any
+) -> PartFeature:
+    """Return the feature; values that its kind does not have stay as they are."""
     return PartFeature(
         name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
-        radius_um=radius_um, count=count, root_um=root_um, phase_rad=phase_rad,
-        width_um=width_um, depth_um=depth_um, hole=hole, chord_um=chord_um,
-        avoid=raw.get("avoid", False), where=at,
+        avoid=raw.get("avoid", False), where=at, **values,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What `fast`, `balanced` and `accurate` mean: one row of numbers each."""
+"""Presets of effort, `fast`, `balanced` or `accurate`: one row of numbers each."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Effort:
     trials: int  # perturbed images a look is benchmarked on
     range_draws: int  # noise draws at each focus and zoom of the usable range
     image_error: float  # of unit contrast, that images may have
-    limited: bool  # the physical limit is computed beside what routines reach
-    features: int  # of a part, raced beside a target that alone does not do
-    thorough: bool  # routines dear to prepare are tried where others leave room, too
+    limited: bool  # the physical limit is computed, too, to compare routines with
+    features: int  # of a part, compared where the target alone is not enough
+    thorough: bool  # also tries routines that are expensive to prepare
 
 
 # 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 show .99

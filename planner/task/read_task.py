@@ -19,13 +19,16 @@ from microplan.planner.task.check_workcell import (
     report_backwards,
 )
 from microplan.planner.task.parts import read_parts
-from microplan.planner.task.read_workcell import build_workcell, places, read_fingers
+from microplan.planner.task.read_workcell import (
+    build_workcell,
+    optional_float,
+    places,
+    read_fingers,
+)
 from microplan.planner.task.references import check_references
 from microplan.planner.task.task import (
     Benchmark,
-    Blocked,
     Environment,
-    Mate,
     Move,
     Optimise,
     Part,
@@ -36,6 +39,7 @@ from microplan.planner.task.task import (
     ToolStart,
 )
 from microplan.planner.task.workcell import Workcell
+from microplan.schemas.codec import from_data
 
 NM_PER_UM = 1e3
 ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle
@@ -103,7 +107,6 @@ def _check_task(task: Checked, report: Report) -> None:
 def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task:
     """Return the typed task; nothing in it is at fault."""
     data = with_defaults(source.data, "task")
-    goal = data.get("goal", {})
     starts = {name: raw for name, raw in data["start"].items() if name != "stage"}
     return Task(
         name=data["name"],
@@ -121,17 +124,11 @@ def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task
             for name, raw in starts.items()
             if raw["on"] == "robot"
         },
-        mate=(
-            Mate(**goal["mate"], where=source.key("goal", "mate"))
-            if "mate" in goal
-            else None
-        ),
-        success_goal=_number(goal.get("success_probability")),
+        success_goal=optional_float(data.get("goal", {}).get("success_probability")),
         steps=tuple(_step(source, i, raw) for i, raw in enumerate(data["steps"])),
         optimise=Optimise(
             prefer=data["optimise"]["prefer"],
-            max_image_error=_number(data["optimise"].get("max_image_error")),
-            may_change=tuple(sorted(data["optimise"]["may_change"])),
+            max_image_error=optional_float(data["optimise"].get("max_image_error")),
         ),
         benchmark=_benchmark(data["benchmark"]),
         environment=_environment(data["environment"]),
@@ -198,15 +195,15 @@ def _step(source: Source, index: int, raw: Mapping[str, Any]) -> TaskStep:
             _move(entry, source.value("steps", index, "move", number))
             for number, entry in enumerate(raw.get("move", ()))
         ),
-        opening_um=_number(raw.get("opening_um")),
+        opening_um=optional_float(raw.get("opening_um")),
         method=raw.get("method", "auto"),
-        tolerance_xy_um=_number(raw.get("tolerance_xy_um")),
+        tolerance_xy_um=optional_float(raw.get("tolerance_xy_um")),
         tolerance_theta_rad=_radians(raw.get("tolerance_theta_deg")),
-        within_um=_number(raw.get("within_um")),
+        within_um=optional_float(raw.get("within_um")),
         within_rad=_radians(raw.get("within_deg")),
-        height_within_um=_number(raw.get("height_within_um")),
-        speed_um_per_s=_number(raw.get("speed_um_per_s")),
-        if_blocked=_blocked(raw["if_blocked"]) if "if_blocked" in raw else None,
+        height_within_um=optional_float(raw.get("height_within_um")),
+        speed_um_per_s=optional_float(raw.get("speed_um_per_s")),
+        if_blocked="if_blocked" in raw,
         where=source.value("steps", index, "id"),
         spans={key: source.value("steps", index, key) for key in sorted(raw)},
     )
@@ -218,46 +215,17 @@ def _move(raw: Mapping[str, Any], at: Span) -> Move:
 
 
 def _reading(raw: Mapping[str, Any]) -> Reading:
-    return Reading(
-        x_um=_number(raw.get("x_um")),
-        y_um=_number(raw.get("y_um")),
-        z_um=_number(raw.get("z_um")),
-        theta_rad=_radians(raw.get("theta_deg")),
-    )
-
-
-def _blocked(raw: Mapping[str, Any]) -> Blocked:
-    return Blocked(
-        back_um=float(raw["back_um"]),
-        search=raw["search"],
-        pitch_um=float(raw["pitch_um"]),
-        radius_um=float(raw["radius_um"]),
-    )
+    return from_data(Reading, {**raw, "theta_rad": _radians(raw.get("theta_deg"))})
 
 
 def _benchmark(raw: Mapping[str, Any]) -> Benchmark:
-    gain, gradient = raw["light_gain"], raw["light_gradient"]
-    return Benchmark(
-        focus_sigma_um=float(raw["focus_sigma_um"]),
-        magnification_sigma=float(raw["magnification_sigma"]),
-        light_gain=(float(gain[0]), float(gain[1])),
-        light_gradient=(float(gradient[0]), float(gradient[1])),
-        pose_sigma_xy_um=float(raw["pose_sigma_xy_um"]),
-        pose_sigma_theta_rad=math.radians(raw["pose_sigma_theta_deg"]),
-    )
+    sigma_rad = math.radians(raw["pose_sigma_theta_deg"])
+    return from_data(Benchmark, {**raw, "pose_sigma_theta_rad": sigma_rad})
 
 
 def _environment(raw: Mapping[str, Any]) -> Environment:
-    return Environment(
-        humidity=float(raw["humidity"]),
-        grounded=raw["grounded"],
-        roughness_um=float(raw["roughness_nm"]) / NM_PER_UM,
-        friction=float(raw["friction"]),
-    )
-
-
-def _number(value: float | None) -> float | None:
-    return None if value is None else float(value)
+    roughness_um = raw["roughness_nm"] / NM_PER_UM
+    return from_data(Environment, {**raw, "roughness_um": roughness_um})
 
 
 def _radians(value: float | None) -> float | None:

@@ -14,7 +14,6 @@ from microplan.planner.source.source import Source
 from microplan.planner.task.check_workcell import check_fingers
 from microplan.planner.task.drawings import DrawingSheet, open_named, take
 from microplan.planner.task.workcell import (
-    AxesSpec,
     CameraSpec,
     Focus,
     Interval,
@@ -27,6 +26,7 @@ from microplan.planner.task.workcell import (
     Workcell,
     Zoom,
 )
+from microplan.schemas.codec import from_data
 
 # a stated repeatability over one standard deviation; a uniform range of half-width r
 # has the standard deviation r / sqrt(3)
@@ -79,31 +79,30 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
         del normalised["tools"][name]["drawing"]
         normalised["tools"][name]["left"] = plain_outline(left)
         normalised["tools"][name]["right"] = plain_outline(right)
+    axes, stage = data["axes"], data["axes"]["stage"]
     return Workcell(
         name=data["name"],
         optics=_optics(data["optics"]),
         camera=_camera(data["camera"]),
-        light=LightSpec(
-            kind=data["light"]["kind"],
-            level=_pair(data["light"]["level"]),
-            gradient=float(data["light"]["gradient"]),
+        light=from_data(LightSpec, data["light"]),
+        stage=from_data(
+            Stage,
+            {
+                **stage,
+                "axes": _axes(stage),
+                "axis_tilt_sigma_rad": stage["axis_tilt_sigma_mrad"] / 1000,
+            },
         ),
-        stage=_stage(data["axes"]["stage"]),
-        robot=Robot(
-            axes=_axes(data["axes"]["robot"]),
-            theta_axis_to_tip_um=float(data["axes"]["robot"]["theta_axis_to_tip_um"]),
-        ),
+        robot=from_data(Robot, {**axes["robot"], "axes": _axes(axes["robot"])}),
         tools=tools,
-        servo=Servo(
-            rate_hz=float(data["servo"]["rate_hz"]), gain=float(data["servo"]["gain"])
-        ),
+        servo=from_data(Servo, data["servo"]),
         where=places(source),
         normalised=normalised,
     )
 
 
 def places(source: Source) -> dict[str, Span]:
-    """Return where every named value stands, by dotted name; a section by its key."""
+    """Return the file position of every named value, by dotted name."""
     found = {}
     for where, span in source.values.items():
         if where and all(isinstance(key, str) for key in where):
@@ -118,25 +117,17 @@ def places(source: Source) -> dict[str, Span]:
 def _optics(raw: Mapping[str, Any]) -> Optics:
     low, high = raw["magnification"]["min"], raw["magnification"]["max"]
     table = raw["numerical_aperture"]
-    rows = (
-        table if isinstance(table, list) else [{"magnification": low, "value": table}]
-    )
-    apertures = tuple((float(r["magnification"]), float(r["value"])) for r in rows)
-    focus = raw["focus"]
+    if not isinstance(table, list):
+        table = [{"magnification": low, "value": table}]
+    apertures = tuple((float(r["magnification"]), float(r["value"])) for r in table)
     return Optics(
         magnification=(float(low), float(high)),
         apertures=apertures,
         wavelength_um=float(raw["wavelength_um"]),
         medium_index=float(raw["medium_index"]),
         coherence=float(raw["coherence"]),
-        zoom=Zoom(**{key: float(value) for key, value in raw["zoom"].items()}),
-        focus=Focus(
-            min_um=float(focus["min_um"]),
-            max_um=float(focus["max_um"]),
-            time_s=float(focus["time_s"]),
-            repeatability_um=float(focus["repeatability_um"]),
-            lateral_sigma_um_per_um=float(focus["lateral_sigma_um_per_um"]),
-        ),
+        zoom=from_data(Zoom, raw["zoom"]),
+        focus=from_data(Focus, raw["focus"]),
         lens=_lens(raw, _held(apertures, float(low), float(high))),
     )
 
@@ -150,9 +141,12 @@ def _held(rows: Rows, low: float, high: float) -> Rows:
 
 
 def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
-    """Return what the file says of the lens' errors."""
+    """Return the errors of the lens that the file states."""
     focus = raw["focus"]
     x, y = focus["lateral_um_per_um"]
+    curvature, sigma = (
+        raw[f"field_curvature{kind}_per_mm"] / UM_PER_MM for kind in ("", "_sigma")
+    )
     return LensErrors(
         distortion=float(raw["distortion"]),
         distortion_sigma=float(raw["distortion_sigma"]),
@@ -161,60 +155,38 @@ def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
         lateral_sigma=float(focus["lateral_sigma_um_per_um"]),
         scale_per_um=float(focus["scale_per_um"]),
         scale_sigma_per_um=float(focus["scale_sigma_per_um"]),
-        field_curvature_per_um=float(raw["field_curvature_per_mm"]) / UM_PER_MM,
-        field_curvature_sigma_per_um=float(raw["field_curvature_sigma_per_mm"])
-        / UM_PER_MM,
+        field_curvature_per_um=curvature,
+        field_curvature_sigma_per_um=sigma,
         apertures=apertures if len(apertures) > 1 else (),
     )
 
 
 def _camera(raw: Mapping[str, Any]) -> CameraSpec:
-    return CameraSpec(
-        pitch_um=raw["sensor_um"][0] / raw["pixels"][0],
-        width_px=int(raw["pixels"][0]),
-        height_px=int(raw["pixels"][1]),
-        fill_factor=float(raw["fill_factor"]),
-        rate_hz=float(raw["rate_hz"]),
-        latency_frames=int(raw["latency_frames"]),
-        bits=int(raw["bits"]),
-        full_well_e=float(raw["full_well_e"]),
-        read_noise_e=float(raw["read_noise_e"]),
-        exposure_ms=_pair(raw["exposure_ms"]),
-    )
+    columns, rows = raw["pixels"]
+    counts = {key: int(raw[key]) for key in ("latency_frames", "bits")}
+    pixels = {"width_px": int(columns), "height_px": int(rows)}
+    pitch_um = raw["sensor_um"][0] / columns
+    return from_data(CameraSpec, {**raw, **counts, **pixels, "pitch_um": pitch_um})
 
 
-def _stage(raw: Mapping[str, Any]) -> Stage:
-    return Stage(
-        axes=_axes(raw),
-        datum_z_um=float(raw["datum_z_um"]),
-        reflectance=float(raw["reflectance"]),
-        theta_axis_um=_pair(raw["theta_axis_um"]),
-        drift_um_per_min=float(raw["drift_um_per_min"]),
-        axis_tilt_sigma_rad=raw["axis_tilt_sigma_mrad"] / 1000,
-    )
-
-
-def _axes(raw: Mapping[str, Any]) -> AxesSpec:
-    """Return the axes with spreads brought to one standard deviation."""
+def _axes(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of axes, repeatabilities as one standard deviation."""
     over = COVERAGE[raw["coverage"]]
     speed, limits = raw["speed"], raw["limits"]
-    low, high = limits["theta_deg"]
-    return AxesSpec(
-        repeatability_xy_um=raw["repeatability_xy_um"] / over,
-        repeatability_z_um=raw["repeatability_z_um"] / over,
-        repeatability_theta_rad=(
-            raw["repeatability_theta_arcsec"] * RAD_PER_ARCSEC / over
-        ),
-        limits={
-            **{key: _pair(limits[key]) for key in ("x_um", "y_um", "z_um")},
-            "theta_rad": (math.radians(low), math.radians(high)),
+    theta_rad = raw["repeatability_theta_arcsec"] * RAD_PER_ARCSEC
+    return {
+        "repeatability_xy_um": raw["repeatability_xy_um"] / over,
+        "repeatability_z_um": raw["repeatability_z_um"] / over,
+        "repeatability_theta_rad": theta_rad / over,
+        "limits": {
+            **{key: limits[key] for key in ("x_um", "y_um", "z_um")},
+            "theta_rad": [math.radians(end) for end in limits["theta_deg"]],
         },
-        speed_xy_um_per_s=float(speed["xy_um_per_s"]),
-        speed_z_um_per_s=float(speed["z_um_per_s"]),
-        speed_theta_rad_per_s=math.radians(speed["theta_deg_per_s"]),
-        settle_s=float(speed["settle_s"]),
-        coverage=raw["coverage"],
-    )
+        "speed_xy_um_per_s": speed["xy_um_per_s"],
+        "speed_z_um_per_s": speed["z_um_per_s"],
+        "speed_theta_rad_per_s": math.radians(speed["theta_deg_per_s"]),
+        "settle_s": speed["settle_s"],
+    }
 
 
 def _tool(name: str, raw: Mapping[str, Any], fingers: DrawingSheet, at: Span) -> Tool:
@@ -230,16 +202,17 @@ def _tool(name: str, raw: Mapping[str, Any], fingers: DrawingSheet, at: Span) ->
         grip_from_tip_um=float(raw["grip_from_tip_um"]),
         reflectance=float(raw["reflectance"]),
         stick_probability=float(raw["stick_probability"]),
-        free_length_um=_number(raw.get("free_length_um")),
-        youngs_modulus_gpa=_number(raw.get("youngs_modulus_gpa")),
+        free_length_um=optional_float(raw.get("free_length_um")),
+        youngs_modulus_gpa=optional_float(raw.get("youngs_modulus_gpa")),
         sheet=fingers,
         where=at,
     )
 
 
-def _number(value: float | None) -> float | None:
-    return None if value is None else float(value)
-
-
 def _pair(values: list[float]) -> Interval:
     return (float(values[0]), float(values[1]))
+
+
+def optional_float(value: float | None) -> float | None:
+    """Return a number as a float, None for a key that is left out."""
+    return None if value is None else float(value)

@@ -1,4 +1,4 @@
-"""Names used in a task: every one must lead to a thing of the right kind."""
+"""References by name in a task: each must lead to a thing of the right kind."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part"}
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Every name of a task and what it stands for; also those of faulty things."""
+    """Every name of a task with its kind; also those of faulty things."""
 
     kinds: Mapping[str, str]  # "gear.bore" -> "feature"
     whole: bool  # False if the workcell could not be read, so that tools are unknown
-    refused: frozenset[str]  # names that are none, or stand for two things
+    refused: frozenset[str]  # names that are invalid or ambiguous
 
     def like(self, name: str, known: Iterable[str], own: str = "") -> str:
         """Return the hint for a name that is lost among known ones of its kind.
 
-        One that was refused itself is no way out. Names are told without the prefix
+        One that was refused itself is no way out. Names are given without the prefix
         `own`.
         """
         near = sorted(k.removeprefix(own) for k in set(known) - self.refused)
@@ -107,7 +107,7 @@ def _mapping(data: Any, key: str) -> Mapping[str, Any]:
 
 
 def _clashes(task: Checked, cell: Checked | None, report: Report) -> set[str]:
-    """Report names that stand for two things, and return them."""
+    """Report ambiguous names, and return them."""
     found: set[str] = set()
     tools = cell.source.mapping("tools") if cell else {}
     for part, raw in task.source.mapping("parts").items():
@@ -125,7 +125,7 @@ def _clashes(task: Checked, cell: Checked | None, report: Report) -> set[str]:
 
 
 def _uses(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
-    """Yield every place that holds a name, and which kinds it may name."""
+    """Yield the keys of every reference, and which kinds it may name."""
     for key in task.source.mapping("goal", "mate"):
         if key in _MATE_KINDS:
             yield ("goal", "mate", key), _MATE_KINDS[key]
@@ -190,20 +190,20 @@ def _check_starts(
         elif kind not in (None, wanted):
             message = f"'{name}' is a {kind}, on the {raw['on']} stands a {wanted}"
             report.error("MP112", at, message)
-    told = set(starts)
+    reported = set(starts)
     for where, _ in _uses(task):
         name = task.source.get(*where)
         if where[0] == "parts" or not isinstance(name, str) or not task.good(*where):
             continue
         owner = name.partition(".")[0]
-        if owner not in told and names.kinds.get(owner) in ("part", "tool"):
-            told.add(owner)  # once is enough
+        if owner not in reported and names.kinds.get(owner) in ("part", "tool"):
+            reported.add(owner)  # once is enough
             message = f"'{owner}' is used here and has no entry in start"
             report.error("MP115", task.source.value(*where), message, f"add {owner}")
 
 
 def _report_lost(names: Names, lost: list[_Lost], report: Report) -> None:
-    """Report each lost name once, where it stands first.
+    """Report each lost name once, at its first use.
 
     Of an unknown part everything is unknown: its features are not named one by one.
     """

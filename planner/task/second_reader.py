@@ -1,4 +1,4 @@
-"""DXF drawings are read a second time, by ezdxf; where the two differ is said."""
+"""Second reading of DXF drawings, by ezdxf: where the two differ is reported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING
 
 from microplan.planner.drawings.biarcs import CURVE_UM
 from microplan.planner.drawings.census import Taken
-from microplan.planner.drawings.drawing_findings import MAX_LISTED, UM_PER_UNIT
+from microplan.planner.drawings.drawing_findings import (
+    MAX_LISTED,
+    UM_PER_UNIT,
+    extent_um,
+)
 from microplan.planner.drawings.dxf.census import reached
 from microplan.planner.drawings.dxf.drawing import Drawing
 from microplan.planner.drawings.dxf.entities import READERS
@@ -102,7 +106,7 @@ def question(drawing: Drawing, takes: Sequence[Taken]) -> Question:
     return {
         "memory": MEMORY,
         "layers": [[name.lower() for name in taken.layers] for taken in takes],
-        "fine": [FINE * _extent(taken) / um for taken in takes],
+        "fine": [FINE * extent_um(taken.outline) / um for taken in takes],
     }
 
 
@@ -116,7 +120,7 @@ def _compare_extents(
             continue  # strokes have a border, hatches no lines; too many to walk
         ours = taken.outline.bounds_um
         theirs = tuple(value * um for value in found)
-        within = FINE * _extent(taken) + CURVE_UM + GAP_UM
+        within = FINE * extent_um(taken.outline) + CURVE_UM + GAP_UM
         off = max(abs(a - b) for a, b in zip(ours, theirs, strict=True))
         if off <= within:
             continue
@@ -199,7 +203,7 @@ def _like(ours: Tally, rows: Sequence[Row]) -> Tally:
 def _mattering(tally: Tally, layers: frozenset[str]) -> Counter[tuple[str, str]]:
     """Return what can be part of an outline on `layers`, by layer and kind.
 
-    In a block, layer "0" stands for that of the INSERT.
+    In a block, layer "0" means that of the INSERT.
     """
     found: Counter[tuple[str, str]] = Counter()
     for (block, layer, kind), n in tally.items():
@@ -226,11 +230,6 @@ def _said(counts: Counter[tuple[str, str]]) -> str:
     return ", ".join(sorted(said)[:MAX_LISTED]) + (
         f" and {more} more" if more > 0 else ""
     )
-
-
-def _extent(taken: Taken) -> float:
-    x0, y0, x1, y1 = taken.outline.bounds_um
-    return max(x1 - x0, y1 - y0)
 
 
 def _box(bounds: Sequence[float]) -> str:

@@ -1,7 +1,7 @@
-"""The task: parts, start, goal and steps, as the file describes them.
+"""The task: parts, start, goal, steps, as the file describes them.
 
 Angles are radians here; the reader converts degrees once. Every named thing carries the
-place in the file where it was declared.
+position in the file where it was declared.
 """
 
 from __future__ import annotations
@@ -31,12 +31,11 @@ class PartFeature:
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it
     radius_um: float
-    count: int  # teeth: how many; else 1
-    root_um: float  # teeth: root radius; else 0
-    phase_rad: float  # teeth: angle of a tooth's middle; notch: angle of its middle
-    width_um: float  # notch: its width; else 0
-    depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
-    hole: bool  # circle: whether it bounds a hole
+    count: int = 1  # teeth: how many
+    root_um: float = 0.0  # teeth: root radius
+    phase_rad: float = 0.0  # of the middle of a tooth or notch
+    width_um: float = 0.0  # notch: its width
+    hole: bool = False  # circle: whether it bounds a hole
     chord_um: float = 0.0  # circle: how far the edges drawn for it run inside
     avoid: bool
     where: Span
@@ -44,7 +43,7 @@ class PartFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Post:
-    """A prism standing on a part's top face."""
+    """A prism on a part's top face."""
 
     name: str
     outline: Outline
@@ -122,16 +121,6 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blocked:
-    """What to do when an insertion is found blocked."""
-
-    back_um: float
-    search: str
-    pitch_um: float
-    radius_um: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TaskStep:
     """One step of the task; keys that a verb does not read are None."""
 
@@ -150,22 +139,12 @@ class TaskStep:
     tolerance_xy_um: float | None = None
     tolerance_theta_rad: float | None = None
     within_um: float | None = None
-    within_rad: float | None = None  # verify: turned against its seat at most so far
+    within_rad: float | None = None  # verify: largest rotation against its seat
     height_within_um: float | None = None
     speed_um_per_s: float | None = None
-    if_blocked: Blocked | None = None
+    if_blocked: bool = False  # insert: it states what to do when blocked
     where: Span
-    spans: Mapping[str, Span]  # key -> place of its value
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mate:
-    """The goal: `hole` over `shaft`, resting on `seated_on`."""
-
-    hole: str
-    shaft: str
-    seated_on: str
-    where: Span
+    spans: Mapping[str, Span]  # key -> position of its value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +153,6 @@ class Optimise:
 
     prefer: Preset = "balanced"
     max_image_error: float | None = None  # of unit contrast; None: the preset's
-    may_change: tuple[str, ...] = ()
 
     def image_error(self, preset: Preset | None = None) -> float:
         """Return what images may err by: as stated, else as the preset has it."""
@@ -215,7 +193,6 @@ class Task:
     stage_start: Reading
     part_starts: Mapping[str, StartPose]
     tool_starts: Mapping[str, ToolStart]
-    mate: Mate | None
     success_goal: float | None
     steps: tuple[TaskStep, ...]
     optimise: Optimise

@@ -1,6 +1,6 @@
-"""The workcell: optics, camera, light, axes and tools, as the file describes them.
+"""The workcell: optics, camera, light, axes, tools, as the file describes them.
 
-Angles are radians and spreads are one standard deviation here; the reader converts
+Angles are radians and uncertainties one standard deviation; the reader converts
 degrees, arc seconds and the stated coverage once.
 """
 
@@ -48,7 +48,7 @@ class Optics:
     coherence: float
     zoom: Zoom
     focus: Focus
-    lens: LensErrors  # the light's gradient and edges as made are not the lens'
+    lens: LensErrors  # without the light's gradient and edge offsets
 
     def aperture(self, magnification: float) -> float:
         """Return the aperture at `magnification`, that of the nearest row beyond all.
@@ -98,7 +98,6 @@ class AxesSpec:
     speed_z_um_per_s: float
     speed_theta_rad_per_s: float
     settle_s: float
-    coverage: str  # as the file states it: 1sigma, 3sigma, range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Plots of what `microplan tradeoff` finds of images, and what all plots share."""
+"""Plots of image errors over times, for `microplan tradeoff`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from microplan.arrays import FloatArray, Point
 from microplan.planner.tradeoff.tradeoff_record import MeasuredMethod, StepTradeoff
 
 DPI = 110
-# Okabe and Ito's colours, told apart by eyes that see fewer; and shapes, for print.
+# Okabe and Ito's colours, distinct also for colour-blind eyes; and shapes, for print.
 _MARKS = {
     "geometric": ("#999999", "v"),
     "product": ("#E69F00", "s"),
@@ -47,8 +47,8 @@ class Strip:
 def tradeoff_png(step: StepTradeoff) -> bytes:
     """Return the picture of a step: error over time, both logarithmic, as PNG.
 
-    On the left the law's error with layers treated alike, which the limit is for; on
-    the right, where layers of different height are in view, all errors together.
+    On the left the model's error with layers treated alike, to which the limit applies;
+    on the right, where layers of different height are in view, all errors together.
     """
     wide = step.has_layers
     figure = new_figure(11.0 if wide else 7.6, 5.2)
@@ -88,7 +88,7 @@ def strip_png(strip: Strip) -> bytes:
 
 
 def _law_panel(axes: Axes, step: StepTradeoff) -> None:
-    """Draw errors of law and sampling, the limit, and what is chosen."""
+    """Draw errors of model and sampling, the limit, and what is chosen."""
     shown = [w for w in step.ways if w.law_max_error is not None]
     points = [(w.time_ms, w.law_max_error or 0.0) for w in shown]
     _scatter(axes, shown, points, step.law_oracle_error)
@@ -127,20 +127,23 @@ def _layers_panel(axes: Axes, step: StepTradeoff) -> None:
 
 
 def _scatter(
-    axes: Axes, ways: Sequence[MeasuredMethod], points: Sequence[Point], oracle: float
+    axes: Axes,
+    methods: Sequence[MeasuredMethod],
+    points: Sequence[Point],
+    oracle: float,
 ) -> None:
-    """Draw all ways on logarithmic axes, and shade what the oracle cannot tell."""
+    """Draw all methods on logarithmic axes; shade what the oracle cannot resolve."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for way, (time_ms, error) in zip(ways, points, strict=True):
-        color, shape = _MARKS[way.model]
-        occluded = bool(way.rays_per_cell)
+    for method, (time_ms, error) in zip(methods, points, strict=True):
+        color, shape = _MARKS[method.model]
+        occluded = bool(method.rays_per_cell)
         axes.plot(
             time_ms,
             max(error, _LEAST),
             shape,
             color=color,
-            markerfacecolor="white" if way.float_bits == 32 else color,
+            markerfacecolor="white" if method.float_bits == 32 else color,
             markeredgecolor="black" if occluded else color,
             markeredgewidth=1.4 if occluded else 1.0,
             markersize=8 if occluded else 6,

@@ -1,4 +1,4 @@
-"""One step's image to a file: what `microplan render` writes."""
+"""Image of one step, as `microplan render` writes it to a file."""
 
 from __future__ import annotations
 
@@ -35,9 +35,7 @@ from microplan.planner.views.views import light_level
 from microplan.planner.views.zooms import microscope_at
 
 NOISE_SEED = 0  # of the one noisy frame that --noise shows
-DEFAULT_MODEL = (
-    "exact"  # what is rendered where neither a law nor an error is asked for
-)
+DEFAULT_MODEL = "exact"  # where neither a model nor an error is asked for
 
 
 class RenderError(Exception):
@@ -98,13 +96,13 @@ def _image(
     report: Report,
 ) -> tuple[FloatArray, str]:
     """Return the picture and what it shows."""
-    found = requests(task, states, index, None)
+    look = next(iter(requests(task, states, index, None)), None)
     if call.trial is not None:
-        if not found:
+        if look is None:
             raise RenderError("MP404", f"step {call.step!r} has no look to try")
-        return _trial(task, found[0], call, report)
-    state = found[0].state if found else states[index].after
-    scope, focus, level = _setting(task, states, index, call, report)
+        return _trial(task, look, call, report)
+    state = states[index].after if look is None else look.state
+    scope, focus, level = _setting(task, states[index], look, state, call, report)
     return _frame(task, state, scope, focus, level, call)
 
 
@@ -139,7 +137,7 @@ def _frame(
 def _fidelity(
     scene: Scene, scope: Microscope, focus_um: float, call: RenderCall
 ) -> tuple[str, Sampling]:
-    """Return law and sampling: the cheapest for the error, if one is asked for."""
+    """Return model and sampling: the cheapest for the error, if one is asked for."""
     if call.max_image_error is None:
         return call.model or DEFAULT_MODEL, Sampling()
     found = choose(
@@ -154,19 +152,18 @@ def _fidelity(
 
 def _setting(
     task: Task,
-    states: tuple[StepState, ...],
-    index: int,
+    here: StepState,
+    look: Request | None,
+    state: State,
     call: RenderCall,
     report: Report,
 ) -> tuple[Microscope, float, float]:
     """Return microscope, focus and light level, as compiled where not overridden."""
-    found = requests(task, states, index, None)
     low, high = task.workcell.optics.magnification
-    state = found[0].state if found else states[index].after
-    zoom, focus = low, _focus_of(task, states[index])
+    zoom, focus = low, _focus_of(task, here)
     layers = world_scene(task, state).layers
     level = light_level(task.workcell, layers, task.benchmark)
-    settings = first_views(task, found[0], low, report)[1] if found else ()
+    settings = first_views(task, look, low, report)[1] if look else ()
     if settings:
         zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
         level = settings[0].light

@@ -1,4 +1,4 @@
-"""Reference images of a look: the exact law, and layers traced ray by ray."""
+"""Reference images of a look: exact defocus model, layers traced ray by ray."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TRACED_BAND = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceView:
-    """What one look sees, and the focus heights an image of it must be right at."""
+    """Scene of a look, with the focus heights at which images of it must be right."""
 
     scene: Scene
     microscope: Microscope
@@ -36,7 +36,7 @@ class ReferenceView:
 
     @property
     def is_layered(self) -> bool:
-        """Tell whether layers of different height are in view."""
+        """Return whether layers of different height are in view."""
         return len({layer.z_um for layer in self.scene.layers}) > 1
 
 
@@ -49,53 +49,53 @@ class ReferenceImages:
     error: float  # how far they may be off, of unit contrast
 
 
-def law_truth(sight: ReferenceView, margin: float) -> ReferenceImages:
-    """Return the exact law at all focus heights, layers blended.
+def exact_reference(seen: ReferenceView, margin: float) -> ReferenceImages:
+    """Return images by the exact model at all focus heights, layers blended.
 
     Parameters
     ----------
-    sight : Sight
+    seen : ReferenceView
         What is rendered.
     margin : float
         The widest that is measured, in wavelengths / A.
 
     Returns
     -------
-    Truth
+    ReferenceImages
         Of one layer, and if that does not take minutes, by the closed form of
         `microplan.optics.oracle`; else by all of the band and twice the margin.
     """
-    if len(sight.scene.layers) == 1:
-        (layer,) = sight.scene.layers
-        depths = [layer.z_um - z for z in sight.focus_um]
+    if len(seen.scene.layers) == 1:
+        (layer,) = seen.scene.layers
+        depths = [layer.z_um - z for z in seen.focus_um]
         oracle = Oracle.of(
             layer.outline,
-            sight.microscope,
-            window=sight.window,
+            seen.microscope,
+            window=seen.window,
             deepest_um=max(map(abs, depths)),
         )
         if _work(oracle) <= _SLOWEST:
-            step = layer.reflectance - sight.scene.background
+            step = layer.reflectance - seen.scene.background
             covers = oracle.images([("exact", depth) for depth in depths])
             return ReferenceImages(
-                images=sight.scene.background + step * covers,
+                images=seen.scene.background + step * covers,
                 name="closed form, every wave of the band",
                 error=abs(step) * oracle.wrap_error,
             )
     far = _WIDER * margin
     wide = Sampling(band_error=_WHOLE, margin=far, near=far)  # nothing is made up for
     images = render_stack(
-        sight.scene,
-        sight.microscope,
-        focus_um=sight.focus_um,
-        window=sight.window,
+        seen.scene,
+        seen.microscope,
+        focus_um=seen.focus_um,
+        window=seen.window,
         sampling=wide,
     )
     pilot = Pilot(
-        scene=sight.scene,
-        microscope=sight.microscope,
-        window=sight.window,
-        focus_um=sight.focus_um,
+        scene=seen.scene,
+        microscope=seen.microscope,
+        window=seen.window,
+        focus_um=seen.focus_um,
     )
     return ReferenceImages(
         images=images,
@@ -104,8 +104,8 @@ def law_truth(sight: ReferenceView, margin: float) -> ReferenceImages:
     )
 
 
-def layer_truth(
-    sight: ReferenceView, law: ReferenceImages, margin: float
+def traced_reference(
+    seen: ReferenceView, law: ReferenceImages, margin: float
 ) -> ReferenceImages:
     """Return the image at the nominal focus with layers that hide one another.
 
@@ -113,13 +113,13 @@ def layer_truth(
     `margin`: what lies between blurred edges of different height is traced, the rest is
     as blended.
     """
-    part = meeting(_sheets(sight, margin))
+    part = meeting(_sheets(seen, margin))
     if part is None:
         return ReferenceImages(images=law.images[:1], name=law.name, error=law.error)
-    side = cell_um(sight.scene.layers, sight.microscope)
-    crop = _piece(sight.window, part)
-    fine = _traced(sight, crop, margin, rays=_TRACED, step_um=side)
-    coarse = _traced(sight, crop, margin, rays=_TRACED // 4, step_um=2 * side)
+    side = cell_um(seen.scene.layers, seen.microscope)
+    crop = _piece(seen.window, part)
+    fine = _traced(seen, crop, margin, rays=_TRACED, step_um=side)
+    coarse = _traced(seen, crop, margin, rays=_TRACED // 4, step_um=2 * side)
     images = law.images[:1].copy()
     images[0][part] = fine
     return ReferenceImages(
@@ -129,20 +129,20 @@ def layer_truth(
     )
 
 
-def _sheets(sight: ReferenceView, margin: float) -> list[LayerSheet]:
+def _sheets(seen: ReferenceView, margin: float) -> list[LayerSheet]:
     """Return what covers the pixels at each height, in the nominal focus."""
-    covered = _covered(sight, sight.microscope, sight.window, margin)
+    covered = _covered(seen, seen.microscope, seen.window, margin)
     return sheets([c.layer for c in covered], [c.coverage for c in covered])
 
 
 def _covered(
-    sight: ReferenceView, setting: Microscope, cut: Window, margin: float
+    seen: ReferenceView, setting: Microscope, cut: Window, margin: float
 ) -> tuple[Covered, ...]:
-    """Return the layers blurred by the exact law in the nominal focus."""
+    """Return the layers blurred by the exact model in the nominal focus."""
     return cover(
-        sight.scene.layers,
+        seen.scene.layers,
         setting,
-        focus_um=sight.focus_um[0],
+        focus_um=seen.focus_um[0],
         window=cut,
         sampling=Sampling(band_error=_TRACED_BAND, margin=margin),
     )
@@ -159,20 +159,20 @@ def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
 
 
 def _traced(
-    sight: ReferenceView, crop: Window, margin: float, *, rays: int, step_um: float
+    seen: ReferenceView, crop: Window, margin: float, *, rays: int, step_um: float
 ) -> FloatArray:
     """Return the image of a crop with every ray traced."""
 
     tracing = Tracing(
-        scene=sight.scene,
-        microscope=sight.microscope,
-        focus_um=sight.focus_um[0],
+        scene=seen.scene,
+        microscope=seen.microscope,
+        focus_um=seen.focus_um[0],
         model="exact",
-        tangents=slopes(sight.microscope, rays),
+        tangents=slopes(seen.microscope, rays),
         step_um=step_um,
     )
     return tracing.image(
-        crop, lambda setting, cut: _covered(sight, setting, cut, margin)
+        crop, lambda setting, cut: _covered(seen, setting, cut, margin)
     )
 
 

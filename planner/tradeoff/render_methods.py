@@ -1,7 +1,8 @@
-"""Ways of computing one look's image: their times, and their errors by the oracle."""
+"""Methods of rendering one look: their times, their errors by the oracle."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from microplan.planner.tradeoff.reference_images import ReferenceImages, Referen
 from microplan.planner.tradeoff.tradeoff_record import MeasuredMethod
 from microplan.schemas.codec import quantise
 
-BANDS = (5e-3, 5e-4, 5e-5)  # from what nobody sees to what tables err
+BANDS = (5e-3, 5e-4, 5e-5)  # from invisible errors to those of tables
 MARGINS = (10.0, 40.0)
 RAYS = (SAMPLES // 4, SAMPLES)  # a cell, of occluded layers
 REPEATS = 3  # of which the least time counts; 2 where they take long
@@ -31,37 +32,35 @@ _USUAL = Sampling(band_error=BAND_ERROR, margin=MARGIN)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderMethod:
-    """One way of computing an image."""
+    """One method of computing an image."""
 
     model: str
     sampling: Sampling
     rays: int = 0  # 0: layers are blended
 
-    def image(self, sight: ReferenceView, focus_um: float) -> FloatArray:
+    def image(self, seen: ReferenceView, focus_um: float) -> FloatArray:
         """Return the image, (rows, columns)."""
         if self.rays:
             return occluded(
-                sight.scene,
-                sight.microscope,
+                seen.scene,
+                seen.microscope,
                 focus_um=focus_um,
                 model=self.model,
-                window=sight.window,
+                window=seen.window,
                 samples=self.rays,
             )
         return render(
-            sight.scene,
-            sight.microscope,
+            seen.scene,
+            seen.microscope,
             focus_um=focus_um,
             model=self.model,
-            window=sight.window,
+            window=seen.window,
             sampling=self.sampling,
         )
 
 
-def render_methods(
-    sight: ReferenceView, fidelity: Fidelity
-) -> tuple[RenderMethod, ...]:
-    """Return what is measured: all laws by samplings, and hidden layers by rays.
+def render_methods(seen: ReferenceView, fidelity: Fidelity) -> tuple[RenderMethod, ...]:
+    """Return the methods measured: all models by samplings, hidden layers by rays.
 
     Samplings are BANDS by MARGINS, the usual one once more in single precision, and
     the compiler's. Layers that hide one another take the usual sampling.
@@ -70,7 +69,7 @@ def render_methods(
     grid += [_USUAL, replace(_USUAL, single=True), fidelity.sampling]
     grid = list(dict.fromkeys(grid))
     found = [RenderMethod(model=model, sampling=s) for model in MODELS for s in grid]
-    if sight.is_layered:
+    if seen.is_layered:
         found += [
             RenderMethod(model=m, sampling=_USUAL, rays=r) for m in MODELS for r in RAYS
         ]
@@ -78,36 +77,37 @@ def render_methods(
 
 
 def measure(
-    sight: ReferenceView,
+    seen: ReferenceView,
     fidelity: Fidelity,
     treatment: str,
     law: ReferenceImages,
     layered: ReferenceImages,
 ) -> tuple[MeasuredMethod, ...]:
-    """Return time and errors of every way, in the order of `render_methods`.
+    """Return time and errors of every method, in the order of `render_methods`.
 
     Parameters
     ----------
-    sight : Sight
+    seen : ReferenceView
         What is rendered.
     fidelity : Fidelity
         The compiler's choice, which is measured too.
     treatment : str
         Of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`, chosen too.
-    law : Truth
-        The exact law at all focus heights, layers blended.
-    layered : Truth
+    law : ReferenceImages
+        Images by the exact model at all focus heights, layers blended.
+    layered : ReferenceImages
         Layers traced at the nominal focus.
     """
     found = [
-        _measured(sight, way, law, layered) for way in render_methods(sight, fidelity)
+        _measured(seen, method, law, layered)
+        for method in render_methods(seen, fidelity)
     ]
     chosen = RenderMethod(model=fidelity.model, sampling=fidelity.sampling)
-    if treatment == "occluded" and sight.is_layered:
+    if treatment == "occluded" and seen.is_layered:
         chosen = RenderMethod(model=fidelity.model, sampling=_USUAL, rays=SAMPLES)
     marked = [
-        replace(each, is_choice=way == chosen)
-        for way, each in zip(render_methods(sight, fidelity), found, strict=True)
+        replace(each, is_choice=method == chosen)
+        for method, each in zip(render_methods(seen, fidelity), found, strict=True)
     ]
     # as they are written: what differs less is rounding
     on_law = front([_written(w.time_ms, w.law_max_error) for w in found])
@@ -118,17 +118,19 @@ def measure(
     )
 
 
-def front(points: Sequence[tuple[float, float | None]]) -> frozenset[int]:
-    """Return the indices of points that no other betters in time and in error.
+def front(pairs: Sequence[tuple[float | None, float | None]]) -> frozenset[int]:
+    """Return the indices of the Pareto front: pairs that no other is below in both.
 
-    Points without an error take no part.
+    Pairs with a None take no part.
     """
-    known = [(t, e, i) for i, (t, e) in enumerate(points) if e is not None]
-    found, best = [], np.inf
-    for _, error, index in sorted(known):
-        if error < best:
+    known = [
+        (x, y, k) for k, (x, y) in enumerate(pairs) if x is not None and y is not None
+    ]
+    found, least = [], math.inf
+    for _, y, index in sorted(known):
+        if y < least:
             found.append(index)
-            best = error
+            least = y
     return frozenset(found)
 
 
@@ -149,24 +151,24 @@ def floor_ms(window: Window) -> float:
 
 
 def _measured(
-    sight: ReferenceView,
-    way: RenderMethod,
+    seen: ReferenceView,
+    method: RenderMethod,
     law: ReferenceImages,
     layered: ReferenceImages,
 ) -> MeasuredMethod:
-    """Return a way's time and errors; images in advance make its tables."""
-    heights = sight.focus_um[:1] if way.rays else sight.focus_um
-    images = np.array([way.image(sight, z) for z in heights])
-    off = None if way.rays else np.abs(images - law.images)
+    """Return a method's time and errors; images in advance make its tables."""
+    heights = seen.focus_um[:1] if method.rays else seen.focus_um
+    images = np.array([method.image(seen, z) for z in heights])
+    off = None if method.rays else np.abs(images - law.images)
     away = np.abs(images[0] - layered.images[0])
     return MeasuredMethod(
-        model=way.model,
-        layers="occluded" if way.rays else "blend",
-        band_error=way.sampling.band_error,
-        margin=way.sampling.margin,
-        float_bits=32 if way.sampling.single else 64,
-        rays_per_cell=way.rays,
-        time_ms=_least_ms(partial(way.image, sight, sight.focus_um[0])),
+        model=method.model,
+        layers="occluded" if method.rays else "blend",
+        band_error=method.sampling.band_error,
+        margin=method.sampling.margin,
+        float_bits=32 if method.sampling.single else 64,
+        rays_per_cell=method.rays,
+        time_ms=_least_ms(partial(method.image, seen, seen.focus_um[0])),
         law_max_error=None if off is None else float(off.max()),
         law_rms_error=None if off is None else max(_rms(each) for each in off),
         max_error=float(away.max()),

@@ -1,4 +1,4 @@
-"""Axes of a task tradeoff: presets, trials, frames, zooms by name."""
+"""Axes of a task tradeoff: preset, trials, frames, zoom."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ZOOMS = 3  # rungs of the ladder from the lowest that are usual
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompileMethod:
-    """One way to compile a task."""
+    """One method of compiling a task."""
 
     varied: str
     preset: Preset
@@ -34,7 +34,7 @@ class CompileMethod:
     zoom: float | None = None
 
     def of(self, task: Task) -> Task:
-        """Return the task with this way's camera and zoom."""
+        """Return the task with this method's camera and zoom."""
         cell = task.workcell
         optics = cell.optics
         if self.zoom is not None:
@@ -64,7 +64,7 @@ def averaged(camera: CameraSpec, frames: int) -> CameraSpec:
 
 
 def compile_methods(task: Task, vary: Vary) -> tuple[CompileMethod, ...]:
-    """Return the task's own way first, then those that differ from it in one thing.
+    """Return the task's own method first, then those that differ from it in one thing.
 
     Raises
     ------
@@ -78,9 +78,9 @@ def compile_methods(task: Task, vary: Vary) -> tuple[CompileMethod, ...]:
     found = [own]
     for axis, values in vary:
         for value in values or usual(task, axis):
-            way = replace(changed(own, axis, value, task), varied=f"{axis} {value}")
-            if replace(way, varied=own.varied) != own:
-                found.append(way)
+            method = replace(changed(own, axis, value, task), varied=f"{axis} {value}")
+            if replace(method, varied=own.varied) != own:
+                found.append(method)
     if len(found) > MOST_POINTS:
         raise ValueError(f"{len(found)} points, at most {MOST_POINTS}")
     return tuple(found)
@@ -94,7 +94,7 @@ def usual(task: Task, axis: Axis) -> tuple[str, ...]:
 
 
 def changed(own: CompileMethod, axis: Axis, value: str, task: Task) -> CompileMethod:
-    """Return a way with one thing changed; ValueError for a value that cannot be."""
+    """Return a method with one thing changed; ValueError for a value that cannot be."""
     if axis == "preset":
         found = next((name for name in PRESETS if name == value), None)
         if found is None:

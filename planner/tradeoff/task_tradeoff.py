@@ -1,4 +1,4 @@
-"""Speed against accuracy of a whole task: what `microplan tradeoff --vary` writes."""
+"""Tradeoff of speed against accuracy of a whole task, for `tradeoff --vary`."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.task import Task
+from microplan.planner.tradeoff.render_methods import front
 from microplan.planner.tradeoff.task_axes import CompileMethod, compile_methods
 from microplan.planner.tradeoff.task_plots import task_png
 from microplan.planner.tradeoff.task_tradeoff_record import (
@@ -26,10 +27,9 @@ from microplan.planner.tradeoff.task_tradeoff_record import (
     TaskTradeoff,
     TradeoffPoint,
     points_csv,
-    points_json,
     points_table,
-    times_json,
 )
+from microplan.planner.tradeoff.tradeoff_record import json_text
 from microplan.schemas.files.times import spans
 from microplan.schemas.plan import Plan, Step
 
@@ -58,8 +58,10 @@ class VaryError(ValueError):
     file = ""  # of the call itself
 
 
-def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None]) -> str:
-    """Compile a task in several ways, write the folder, and return a table.
+def write_task_tradeoff(
+    task: Task, call: TaskCall, progress: Callable[[str], None]
+) -> str:
+    """Compile a task by several methods, write the folder, and return a table.
 
     Nothing is kept between points, so that each takes what it takes alone.
 
@@ -69,8 +71,8 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
         The task.
     call : TaskCall
         What to vary.
-    tell : callable
-        Is told what is being compiled.
+    progress : callable
+        Receives the name of what is being compiled.
 
     Raises
     ------
@@ -87,17 +89,19 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
     points: list[TradeoffPoint] = []
     spent: list[Spent] = []
     first, said = None, ""
-    for k, way in enumerate(wanted):
-        tell(f"{way.varied} ({k + 1} of {len(wanted)})")
-        plan, report, took = compiled(task, way, call)
-        points.append(point_of(way, plan, report, first))
+    for k, method in enumerate(wanted):
+        progress(f"{method.varied} ({k + 1} of {len(wanted)})")
+        plan, report, took = compiled(task, method, call)
+        points.append(point_of(method, plan, report, first))
         spent.append(took)
         first = plan if k == 0 else first
-        said = _told(task, call.out, points, spent)  # what is done outlives a stop
+        said = _write_points(
+            task, call.out, points, spent
+        )  # what is done outlives a stop
     return f"{said}\n\nfolder: {call.out}"
 
 
-def _told(
+def _write_points(
     task: Task, folder: Path, points: Sequence[TradeoffPoint], spent: Sequence[Spent]
 ) -> str:
     """Write the points so far, and return their table."""
@@ -105,12 +109,13 @@ def _told(
     record = TaskTradeoff(
         format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
     )
+    spent_by = {"machine": _machine(), "points": times}
     write_files(
         folder,
         {
             "task.csv": points_csv(record).encode(),
-            "task.json": points_json(record).encode(),
-            "task-times.json": times_json(times, _machine()).encode(),
+            "task.json": json_text(record).encode(),
+            "task-times.json": json_text(spent_by, digits=3).encode(),
             "task.png": task_png(record, times),
         },
     )
@@ -118,23 +123,23 @@ def _told(
 
 
 def compiled(
-    task: Task, way: CompileMethod, call: TaskCall
+    task: Task, method: CompileMethod, call: TaskCall
 ) -> tuple[Plan | None, Report, Spent]:
     """Return the plan of a point, None with findings if there is none, and its time."""
     report, cpu_s, wall_s = Report(), _cpu_s(), time.perf_counter()
     files = compile_task(
-        way.of(task),
+        method.of(task),
         report,
         Options(
-            preset=way.preset,
-            effort=way.effort,
+            preset=method.preset,
+            effort=method.effort,
             max_image_error=call.max_image_error,
             jobs=call.jobs,
             memo=EVERY_TIME,
         ),
     )
     took = Spent(
-        varied=way.varied,
+        varied=method.varied,
         cpu_s=_cpu_s() - cpu_s,
         wall_s=time.perf_counter() - wall_s,
         on_front=False,
@@ -143,17 +148,17 @@ def compiled(
 
 
 def point_of(
-    way: CompileMethod, plan: Plan | None, report: Report, first: Plan | None
+    method: CompileMethod, plan: Plan | None, report: Report, first: Plan | None
 ) -> TradeoffPoint:
     """Return what a plan promises, or why there is none."""
     faults = [d for d in report.in_order if d.severity in ("error", "infeasible")]
     complete = plan is not None and plan.success_probability > 0
     return TradeoffPoint(
-        varied=way.varied,
-        preset=way.preset,
-        trials=way.effort.trials,
-        frames=way.frames,
-        zoom=way.zoom,
+        varied=method.varied,
+        preset=method.preset,
+        trials=method.effort.trials,
+        frames=method.frames,
+        zoom=method.zoom,
         status="error" if plan is None else plan.status,
         reason="; ".join(f"{d.code} {d.message}" for d in faults),
         error_um=error_um(plan) if plan is not None and complete else None,
@@ -182,13 +187,13 @@ def _spread_um(step: Step) -> float:
     squares = [
         (row.sigma_um or 0.0) ** 2 * (1.0 if row.along_rad is None else 0.5)
         for row in step.budget.rows
-        if not row.term.startswith("size of ")  # on the room, not on the place
+        if not row.term.startswith("size of ")  # of the room, not of the position
     ]
     return math.sqrt(sum(squares))
 
 
 def success_lower(plan: Plan) -> float:
-    """Return the chance of success with silent failures at their bound.
+    """Return the probability of success with silent failures at their bound.
 
     They are pooled over all looks: if k of all n trials of the chains chosen failed
     silently, a look does so with less than the bound of Clopper and Pearson, 95 %.
@@ -208,39 +213,26 @@ def run_s(plan: Plan) -> float:
 
 def choices(first: Plan, plan: Plan) -> tuple[str, ...]:
     """Return the choices that differ between two plans, as `microplan diff` says."""
-    told = []
+    found_choices = []
     for change in compare_plans(first, plan):
         if change.kind == "steps":
-            told.append(f"{change.where}: {change.says}")
+            found_choices.append(f"{change.where}: {change.says}")
         elif change.path[-1] in CHOICES and "evidence" not in change.path:
             step = change.path[1] if len(change.path) > 1 else ""
-            told.append(f"{step} {change.path[-1]}: {change.says}")
-    return tuple(dict.fromkeys(told))
+            found_choices.append(f"{step} {change.path[-1]}: {change.says}")
+    return tuple(dict.fromkeys(found_choices))
 
 
 def with_fronts(
     points: Sequence[TradeoffPoint], spent: Sequence[Spent]
 ) -> tuple[tuple[TradeoffPoint, ...], tuple[Spent, ...]]:
     """Return both with what is on the fronts of run time and of compile time."""
-    running = _front([(p.run_s, p.error_um) for p in points])
-    making = _front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])
+    running = front([(p.run_s, p.error_um) for p in points])
+    making = front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])
     return (
         tuple(replace(p, on_front=k in running) for k, p in enumerate(points)),
         tuple(replace(s, on_front=k in making) for k, s in enumerate(spent)),
     )
-
-
-def _front(pairs: Sequence[tuple[float | None, float | None]]) -> frozenset[int]:
-    """Return the places of pairs that no other is below in both; None is on none."""
-    known = [
-        (x, y, k) for k, (x, y) in enumerate(pairs) if not (x is None or y is None)
-    ]
-    found, least = [], math.inf
-    for _, y, k in sorted(known):
-        if y < least:
-            found.append(k)
-            least = y
-    return frozenset(found)
 
 
 def _cpu_s() -> float:

@@ -1,20 +1,17 @@
-"""What a whole task's compiles came to, and how that is written down."""
+"""Record of a task tradeoff: points, times, their table."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from microplan.schemas.codec import to_data
+from microplan.planner.tradeoff.tradeoff_record import aligned, csv_rows
 from microplan.schemas.page.figures import chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeoffPoint:
-    """One way to compile the task, and what the plan then promises."""
+    """One method of compiling the task, and what the plan then predicts."""
 
     varied: str  # "preset fast", "zoom 13.8"; "as the task says" is compared with
     preset: str
@@ -23,7 +20,7 @@ class TradeoffPoint:
     zoom: float | None  # that all looks have; None: as chosen
     status: str  # of the plan, or "error"
     reason: str  # "" if feasible
-    error_um: float | None  # one sigma per axis where the last part goes; None: no part
+    error_um: float | None  # one sigma per axis at the last part's goal; None: no part
     success_probability: float | None  # None: the plan ends before it is known
     success_lower: float | None  # with silent failures at their bound
     run_s: float | None  # looks and alignments, no moves between
@@ -54,23 +51,7 @@ class TaskTradeoff:
 def points_csv(found: TaskTradeoff) -> str:
     """Return one row for every point; no value where there is none."""
     names = [f.name for f in fields(TradeoffPoint)]
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
-    for point in found.points:
-        writer.writerow([_cell(getattr(point, name)) for name in names])
-    return stream.getvalue()
-
-
-def points_json(found: TaskTradeoff) -> str:
-    """Return the JSON, the same on every run."""
-    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
-
-
-def times_json(spent: Sequence[Spent], machine: str) -> str:
-    """Return the times, which depend on the machine and are never compared."""
-    data = {"machine": machine, "points": to_data(tuple(spent), 3)}
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    return csv_rows(names, ([getattr(p, n) for n in names] for p in found.points))
 
 
 def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
@@ -93,14 +74,10 @@ def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
                 _choices(point),
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        words = [text.ljust(w) for text, w in zip(row[:2], widths[:2], strict=True)]
-        numbers = [
-            text.rjust(w) for text, w in zip(row[2:-1], widths[2:-1], strict=True)
-        ]
-        lines.append("  ".join([*words, *numbers, row[-1]]).rstrip())
+    numbers = aligned([row[:-1] for row in rows], words=2)
+    lines = [
+        f"{line}  {row[-1]}".rstrip() for line, row in zip(numbers, rows, strict=True)
+    ]
     return "\n".join([f"{found.task}: error and chance over what it takes", *lines])
 
 

@@ -1,11 +1,11 @@
-"""Speed against accuracy on a task's own looks: what `microplan tradeoff` writes."""
+"""Tradeoff of speed against accuracy of a task's images, `microplan tradeoff`."""
 
 from __future__ import annotations
 
 import math
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,8 +25,8 @@ from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, trade
 from microplan.planner.tradeoff.preview import RenderError
 from microplan.planner.tradeoff.reference_images import (
     ReferenceView,
-    law_truth,
-    layer_truth,
+    exact_reference,
+    traced_reference,
 )
 from microplan.planner.tradeoff.render_methods import (
     MARGINS,
@@ -68,7 +68,7 @@ class TradeoffCall:
 
 
 def write_tradeoff(
-    task: Task, call: TradeoffCall, report: Report, tell: Callable[[str], None]
+    task: Task, call: TradeoffCall, report: Report, progress: Callable[[str], None]
 ) -> str:
     """Measure the looks of a task, write the folder, and return a table.
 
@@ -79,9 +79,9 @@ def write_tradeoff(
     call : TradeoffCall
         Which steps, and where to.
     report : Report
-        Gets what stands in the way of a look.
-    tell : callable
-        Is told the step that is being measured.
+        Receives why a look has no view.
+    progress : callable
+        Receives the step that is being measured.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def write_tradeoff(
     found = []
     low, _ = task.workcell.optics.magnification
     for step, look in looks:
-        tell(step)
+        progress(step)
         request, settings = first_views(task, look, low, report)
         if not settings:
             continue  # the report says why
@@ -120,7 +120,7 @@ def strip_of(task: Task, request: Request, view: ViewPlan, title: str) -> Strip:
     """Return whole frames over focus and zoom, the target in the middle.
 
     The stage is taken to bring it there, since at a higher zoom it may else be outside
-    the frame. Light and defocus law (exact) are those of the view.
+    the frame. Light is the view's, the defocus model exact.
     """
     low, high = task.workcell.optics.magnification
     zooms = sorted({low, math.sqrt(low * high), high})
@@ -187,28 +187,25 @@ def _looks(
 def _measured(
     task: Task, step: str, request: Request, view: ViewPlan, limit: float
 ) -> StepTradeoff:
-    """Return a look's ways with times and errors."""
+    """Return a look's rendering methods with times and errors."""
     case, fidelity = build_case(task, request, view, limit)
-    sight = _sight(case)
-    law = law_truth(sight, max(*MARGINS, fidelity.sampling.margin))
-    layered = layer_truth(sight, law, fidelity.sampling.margin)
+    seen = _reference_view(case)
+    law = exact_reference(seen, max(*MARGINS, fidelity.sampling.margin))
+    layered = traced_reference(seen, law, fidelity.sampling.margin)
     return StepTradeoff(
         step=step,
         look=request.id,
         target=case.target.name,
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
-        focus_heights_um=sight.focus_um,
-        row=case.window.row,
-        column=case.window.column,
-        rows=case.window.rows,
-        columns=case.window.columns,
+        focus_heights_um=seen.focus_um,
+        **asdict(case.window),
         um_per_px=case.microscope.um_per_px,
-        layers_in_view=tuple(layer.name for layer in sight.scene.layers),
+        layers_in_view=tuple(layer.name for layer in seen.scene.layers),
         limit=limit,
         predicted_error=fidelity.predicted_error,
         predicted_layer_error=layer_error(
-            sight.scene,
+            seen.scene,
             case.microscope,
             focus_um=case.focus_um,
             treatment=case.treatment,
@@ -219,11 +216,11 @@ def _measured(
         oracle=layered.name,
         oracle_error=layered.error,
         floor_ms=floor_ms(case.window),
-        ways=measure(sight, fidelity, case.treatment, law, layered),
+        ways=measure(seen, fidelity, case.treatment, law, layered),
     )
 
 
-def _sight(case: LookCase) -> ReferenceView:
+def _reference_view(case: LookCase) -> ReferenceView:
     """Return what the case's images show, with the target where it should be."""
     off = FOCUS_SIGMAS * case.spread.focus_sigma_um
     heights = (case.focus_um, case.focus_um - off, case.focus_um + off)

@@ -1,32 +1,32 @@
-"""What `microplan tradeoff` finds: its records, and how they are written down."""
+"""Record of a tradeoff of images: methods, steps, their CSV, JSON or table."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
-from microplan.schemas.codec import to_data
+from microplan.schemas.codec import DIGITS, to_data
 
 _NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredMethod:
-    """One way of computing a look's image: what it takes and what it errs.
+    """One method of rendering a look's image: its time, its errors.
 
-    Errors are of unit contrast, over all pixels of the region. The law's errors are
-    against the exact law with the layers treated alike, the largest of all focus
+    Errors are of unit contrast, over all pixels of the region. The model's errors are
+    against the exact model with the layers treated alike, the largest of all focus
     heights, and None where layers hide one another ray by ray; the others are against
     traced layers at the nominal focus.
     """
 
-    model: str  # defocus law
+    model: str  # of defocus
     layers: str  # "blend" or "occluded"
     band_error: float  # what cutting the band may cost, of unit contrast
-    margin: float  # around all that spreads light, in wavelengths / A
+    margin: float  # around all that blurs light, in wavelengths / A
     float_bits: int  # of the transforms, 64 or 32
     rays_per_cell: int  # of occluded layers, else 0
     time_ms: float  # of one image, one thread, the least of several
@@ -35,20 +35,20 @@ class MeasuredMethod:
     max_error: float
     rms_error: float
     is_choice: bool  # what the compiler takes
-    on_law_front: bool  # no other is both faster and nearer the exact law
+    on_law_front: bool  # no other is both faster and nearer the exact model
     on_front: bool  # no other is both faster and nearer the traced layers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepTradeoff:
-    """All ways of computing the first look of a step."""
+    """All methods of rendering the first look of a step."""
 
     step: str
     look: str
     target: str
     magnification: float
     focus_um: float  # world height of the plane in focus
-    focus_heights_um: tuple[float, ...]  # that the law is measured at
+    focus_heights_um: tuple[float, ...]  # that the model is measured at
     row: int  # of the region in the frame
     column: int
     rows: int
@@ -56,9 +56,9 @@ class StepTradeoff:
     um_per_px: float
     layers_in_view: tuple[str, ...]
     limit: float  # image error that the compiler may make, of unit contrast
-    predicted_error: float  # of its choice: law, band, margin and tables
+    predicted_error: float  # of its choice: model, band, margin and tables
     predicted_layer_error: float  # of its choice: hidden layers, and their diffraction
-    law_oracle: str  # what the law's errors are measured against
+    law_oracle: str  # what the model's errors are measured against
     law_oracle_error: float  # its own, a bound
     oracle: str  # what all errors together are measured against
     oracle_error: float  # its own: how far coarser cells and fewer rays are off
@@ -68,12 +68,12 @@ class StepTradeoff:
     @property
     def choice(self) -> MeasuredMethod:
         """Return what the compiler takes."""
-        return next(way for way in self.ways if way.is_choice)
+        return next(method for method in self.ways if method.is_choice)
 
     @property
     def has_layers(self) -> bool:
-        """Tell whether layers of different height are in view."""
-        return any(way.layers == "occluded" for way in self.ways)
+        """Return whether layers of different height are in view."""
+        return any(method.layers == "occluded" for method in self.ways)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,32 +92,54 @@ class Tradeoff:
     steps: tuple[StepTradeoff, ...]
 
 
-def json_text(found: Tradeoff) -> str:
-    """Return the JSON, keys in the order of the records' fields."""
-    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
+def json_text(found: object, digits: int = DIGITS) -> str:
+    """Return the JSON of a record, keys in the order of its fields."""
+    return json.dumps(to_data(found, digits), indent=2, ensure_ascii=False) + "\n"
+
+
+def csv_rows(names: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of values below their names; a value that is None is left empty."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return stream.getvalue()
 
 
 def csv_text(found: Tradeoff) -> str:
-    """Return one row for every way of every step; no value where there is none."""
+    """Return one row for every method of every step."""
     of_step = [f.name for f in fields(StepTradeoff) if f.name not in _NOT_OF_A_ROW]
-    of_way = [f.name for f in fields(MeasuredMethod)]
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(of_step + of_way)
-    for step in found.steps:
-        common = [_cell(getattr(step, name)) for name in of_step]
-        for way in step.ways:
-            writer.writerow(common + [_cell(getattr(way, name)) for name in of_way])
-    return stream.getvalue()
+    of_method = [f.name for f in fields(MeasuredMethod)]
+    return csv_rows(
+        of_step + of_method,
+        (
+            [getattr(step, name) for name in of_step]
+            + [getattr(method, name) for name in of_method]
+            for step in found.steps
+            for method in step.ways
+        ),
+    )
+
+
+def aligned(rows: Sequence[Sequence[str]], words: int) -> list[str]:
+    """Return rows of text in columns, the first `words` to the left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            text.ljust(width) if k < words else text.rjust(width)
+            for k, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def table(step: StepTradeoff) -> str:
     """Return the step's Pareto front and the compiler's choice as lines of text."""
     layered = step.has_layers  # else fronts differ by what is in focus alone
     shown = [
-        way
-        for way in step.ways
-        if way.is_choice or way.on_law_front or (way.on_front and layered)
+        method
+        for method in step.ways
+        if method.is_choice or method.on_law_front or (method.on_front and layered)
     ]
     head = (
         f"{step.step}: {step.target} at {step.magnification:.4g} x, focus "
@@ -125,8 +147,9 @@ def table(step: StepTradeoff) -> str:
         f"limit {step.limit:g}"
     )
     last = f"  > the compiler's choice: {_said(step)}"
-    ordered = sorted(shown, key=lambda way: way.time_ms)
-    return "\n".join([head, *_aligned(ordered), last])
+    ordered = sorted(shown, key=lambda method: method.time_ms)
+    rows = ["  " + line for line in aligned(_rows(ordered), words=3)]
+    return "\n".join([head, *rows, last])
 
 
 def _said(step: StepTradeoff) -> str:
@@ -147,33 +170,26 @@ def _said(step: StepTradeoff) -> str:
     return "; ".join(parts)
 
 
-def _aligned(ways: Iterable[MeasuredMethod]) -> list[str]:
-    """Return rows of text in columns."""
-    rows = [("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")]
-    for way in ways:
-        law = "" if way.law_max_error is None else f"{way.law_max_error:.1e}"
+def _rows(methods: Iterable[MeasuredMethod]) -> list[tuple[str, ...]]:
+    """Return a row of text for every method, under a row of headings."""
+    rows: list[tuple[str, ...]] = [
+        ("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")
+    ]
+    for method in methods:
         rows.append(
             (
-                ">" if way.is_choice else "",
-                way.model,
-                f"{way.rays_per_cell} rays" if way.rays_per_cell else "blend",
-                f"{way.band_error:.0e}",
-                f"{way.margin:.3g}",
-                str(way.float_bits),
-                f"{way.time_ms:.3g}",
-                law,
-                f"{way.max_error:.1e}",
+                ">" if method.is_choice else "",
+                method.model,
+                f"{method.rays_per_cell} rays" if method.rays_per_cell else "blend",
+                f"{method.band_error:.0e}",
+                f"{method.margin:.3g}",
+                str(method.float_bits),
+                f"{method.time_ms:.3g}",
+                "" if method.law_max_error is None else f"{method.law_max_error:.1e}",
+                f"{method.max_error:.1e}",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  " + _line(row, widths) for row in rows]
-
-
-def _line(row: tuple[str, ...], widths: list[int]) -> str:
-    """Return words left and numbers right in their columns."""
-    words = [text.ljust(w) for text, w in zip(row[:3], widths[:3], strict=True)]
-    numbers = [text.rjust(w) for text, w in zip(row[3:], widths[3:], strict=True)]
-    return "  ".join(words + numbers).rstrip()
+    return rows
 
 
 def _cell(value: object) -> object:
@@ -182,4 +198,6 @@ def _cell(value: object) -> object:
         return int(value)
     if isinstance(value, float):
         return f"{value:.6g}"
-    return value  # None is an empty cell
+    if isinstance(value, tuple):
+        return "; ".join(value)
+    return value

@@ -1,4 +1,4 @@
-"""Everything that can be said of a task without rendering."""
+"""Checks of a task that need no rendering."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coarse looks: what may be looked at first where a target is too little known."""
+"""Coarse looks: lower zooms that locate a target before its fine look."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ MOST_COARSE = 2  # targets that are tried for a coarse look
 # A target farther off than this many of its search ranges is no honest sighting: the
 # gates of the coarse look allow no more.
 FAR = 1.5
-GAIN = 0.5  # of its spread, at most, a place must be known to after a coarse look
-MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known place may cure
+GAIN = 0.5  # of its sigma, at most, a position must have after a coarse look
+MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known position may cure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoarseLook:
-    """What a coarse look is to tell, or has told, of its target."""
+    """Accuracy that a coarse look must have, or has reached."""
 
     sigma_um: float  # per axis, bias included
     sigma_theta_rad: float | None  # None: the angle is not measured
@@ -46,7 +46,7 @@ class CoarseLook:
 
 
 def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
-    """Return coarse looks that may come before a look, the first to try in front.
+    """Return coarse looks that may come before a look, the first to try first.
 
     The target itself, then what else of its part is coarsest; only what has a view.
     Empty where a step does more than look, or the target belongs to a tool.
@@ -79,9 +79,9 @@ def _coarse(task: Task, request: Request, name: str, shape: TargetShape) -> Requ
     about it by more than its own finest detail.
     """
     target = needed_shape(task, request)
-    spot = target_pose(task, request, target)
+    target_at = target_pose(task, request, target)
     arm_um = math.dist(shape.center_um, target.center_um)
-    swing_um = min(spot.sigma_theta_rad, 1.0) * arm_um
+    swing_um = min(target_at.sigma_theta_rad, 1.0) * arm_um
     return replace(
         request,
         id=f"{request.id}.{SUFFIX}",
@@ -94,18 +94,18 @@ def _coarse(task: Task, request: Request, name: str, shape: TargetShape) -> Requ
 
 
 def assumed(task: Task, coarse: Request) -> CoarseLook:
-    """Return what a coarse look must tell at its lowest zoom: half its tolerances."""
+    """Return the accuracy assumed of a coarse look: half its tolerances."""
     shape = needed_shape(task, coarse)
-    turn_rad = ANGLE_RAD
+    angle_rad = ANGLE_RAD
     if shape.symmetry > 1:
-        turn_rad = PERIOD_SHARE * 2 * math.pi / shape.symmetry
+        angle_rad = PERIOD_SHARE * 2 * math.pi / shape.symmetry
     low, _ = task.workcell.optics.magnification
     view = min(
         views(task, coarse, low, Report()), key=lambda v: v.microscope.magnification
     )
     return CoarseLook(
         sigma_um=view.microscope.um_per_px / SIGMAS,
-        sigma_theta_rad=turn_rad / SIGMAS if coarse.wants_angle else None,
+        sigma_theta_rad=angle_rad / SIGMAS if coarse.wants_angle else None,
         magnification=view.microscope.magnification,
         focus_um=view.focus_um,
     )
@@ -116,13 +116,13 @@ def fine_request(
 ) -> Request | None:
     """Return the look that follows a coarse one, None if it cannot.
 
-    The target is brought to its nominal place by the axes that carry it, and back
+    The target is brought to its nominal position by the axes that carry it, and back
     afterwards. What two moves leave is taken off the tolerance. None if nothing is left
-    of it, if the place is hardly better known than before, or if on the way something
-    may be touched or an axis end.
+    of it, if the position is hardly better known than before, or if on the path
+    something may be touched or an axis end.
     """
-    spot = target_pose(task, request, needed_shape(task, request))
-    moved_um = math.sqrt(2) * axes_of(task, spot.carrier).repeatability_xy_um
+    target_at = target_pose(task, request, needed_shape(task, request))
+    moved_um = math.sqrt(2) * axes_of(task, target_at.carrier).repeatability_xy_um
     tolerance_um = request.tolerance_um
     if tolerance_um is not None:
         left = tolerance_um**2 - (SIGMAS * moved_um) ** 2
@@ -131,12 +131,12 @@ def fine_request(
         tolerance_um = math.sqrt(left)
     if not _is_clear(task, request):
         return None
-    told_um = math.hypot(moved_um, _told_um(task, request, seen))
-    if told_um > GAIN * spot.sigma_xy_um:
+    position_sigma_um = math.hypot(moved_um, _position_sigma_um(task, request, seen))
+    if position_sigma_um > GAIN * target_at.sigma_xy_um:
         return None
     known = PriorKnowledge(
         about_um=needed_shape(task, coarse).center_um,
-        sigma_um=told_um,
+        sigma_um=position_sigma_um,
         sigma_theta_rad=seen.sigma_theta_rad,
     )
     return replace(request, tolerance_um=tolerance_um, known=known, divisible=False)
@@ -145,8 +145,8 @@ def fine_request(
 def may_gain(task: Task, request: Request, fine: Request) -> bool:
     """Return whether a look that trials refused may do better after a coarse one.
 
-    Its place then allows more zoom, or an unknown zoom no longer errs by the tolerance
-    (a pixel, where none is asked for) over how far off the target may lie.
+    Its position then allows more zoom, or an unknown zoom no longer errs by the
+    tolerance (a pixel, where none is asked for) over how far off the target may lie.
     """
     low, _ = task.workcell.optics.magnification
     zooms = [
@@ -155,63 +155,66 @@ def may_gain(task: Task, request: Request, fine: Request) -> bool:
     ]
     if zooms[1] > zooms[0]:
         return True
-    spot = target_pose(task, request, needed_shape(task, request))
+    target_at = target_pose(task, request, needed_shape(task, request))
     pixel_um = task.workcell.camera.pitch_um / zooms[0]
-    error_um = SIGMAS * task.benchmark.magnification_sigma * search_um(task, spot)
+    error_um = SIGMAS * task.benchmark.magnification_sigma * search_um(task, target_at)
     return error_um > (request.tolerance_um or pixel_um)
 
 
 def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
     """Return how the target of a look is centred after a coarse one."""
-    spot = target_pose(task, request, needed_shape(task, request))
+    target_at = target_pose(task, request, needed_shape(task, request))
     return CoarseFirst(
         look=coarse_id,
-        axes=spot.carrier,
-        at_um=(spot.pose.x_um, spot.pose.y_um),
+        axes=target_at.carrier,
+        at_um=(target_at.pose.x_um, target_at.pose.y_um),
         most_um=_most_um(task, request),
     )
 
 
-def _told_um(task: Task, request: Request, seen: CoarseLook) -> float:
-    """Return how well a coarse look tells a place, seen through another zoom.
+def _position_sigma_um(task: Task, request: Request, seen: CoarseLook) -> float:
+    """Return the sigma of a position from a coarse look at another zoom, um.
 
-    Beside its own spread: the jump of the image with the zoom, its shift with the
-    focus, and what an unknown scale makes of the way from the axis.
+    Adds to its own sigma the jump of the image with the zoom, its shift with the
+    focus, and an unknown scale times the distance from the axis.
     """
-    spot = target_pose(task, request, needed_shape(task, request))
+    target_at = target_pose(task, request, needed_shape(task, request))
     optics = task.workcell.optics
-    far_um = math.hypot(spot.pose.x_um, spot.pose.y_um) + SIGMAS * spot.sigma_xy_um
-    way_um = abs(spot.z_um - seen.focus_um)
+    far_um = (
+        math.hypot(target_at.pose.x_um, target_at.pose.y_um)
+        + SIGMAS * target_at.sigma_xy_um
+    )
+    height_um = abs(target_at.z_um - seen.focus_um)
     return math.hypot(
         seen.sigma_um,
         optics.zoom.parcentric_sigma_um,
         optics.zoom.scale_sigma * far_um,
-        optics.focus.lateral_sigma_um_per_um * way_um,
+        optics.focus.lateral_sigma_um_per_um * height_um,
     )
 
 
 def _most_um(task: Task, request: Request) -> float:
     """Return how far a target may have to be moved."""
-    spot = target_pose(task, request, needed_shape(task, request))
-    return FAR * search_um(task, spot)
+    target_at = target_pose(task, request, needed_shape(task, request))
+    return FAR * search_um(task, target_at)
 
 
 def _is_clear(task: Task, request: Request) -> bool:
     """Return whether the target may be moved as far as needed, in any direction."""
-    spot = target_pose(task, request, needed_shape(task, request))
-    state, axes = request.state, axes_of(task, spot.carrier)
+    target_at = target_pose(task, request, needed_shape(task, request))
+    state, axes = request.state, axes_of(task, target_at.carrier)
     most = _most_um(task, request)
-    at = state.stage if spot.carrier == "stage" else state.robot
+    at = state.axes(target_at.carrier)
     for name, value in (("x_um", at.x_um), ("y_um", at.y_um)):
         low, high = axes.limits.get(name, (-math.inf, math.inf))
         if not low <= value - most <= value + most <= high:
             return False
-    spread = max(
-        b.sigma_xy_um for b in bodies(task, state) if b.carrier == spot.carrier
+    sigma_um = max(
+        b.sigma_xy_um for b in bodies(task, state) if b.carrier == target_at.carrier
     )
-    room = most + SIGMAS * spread
+    room = most + SIGMAS * sigma_um
     box = (-room, -room, room, room)
-    return not sweep_hits(task, state, state, carrier=spot.carrier, deviation=box)
+    return not sweep_hits(task, state, state, carrier=target_at.carrier, deviation=box)
 
 
 def first_views(
@@ -221,7 +224,7 @@ def first_views(
 
     The request itself, or a coarse look where only that has a view and the fine one has
     after it, if the coarse one is as good as it must be: the trials of a compile
-    decide. Reports what stands in the way of either.
+    decide. Reports why either has no view.
     """
     plain = Report()
     found = views(task, request, current, plain)

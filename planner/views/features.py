@@ -1,4 +1,4 @@
-"""Other features of the part that a look is at: proposed, declared, not avoided."""
+"""Features of a look's part other than its target: proposed, declared, not avoided."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from microplan.planner.task.task import Part, PartFeature, Task
 from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape, declared_shape
 
-SAME_UM = 1e-3  # a drawing says a place in several ways, this near to each other
+SAME_UM = 1e-3  # positions of one feature in a drawing are this near to each other
 # what reaches farthest from a feature's reference point, first found first used
 _REACHES = ("outer_um", "radius_um", "extent_um", "reach_um")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposals:
-    """What may stand in for a look's target, or join it."""
+    """Features that may replace a look's target, or join it."""
 
     target: Feature | None  # what the outline says of the target itself; None: nothing
-    others: tuple[tuple[Feature, TargetShape], ...]  # those to try first in front
+    others: tuple[tuple[Feature, TargetShape], ...]  # in the order to try them
     avoided: tuple[tuple[str, str], ...] = ()  # name and kind of what the task forbids
 
 
@@ -33,7 +33,7 @@ def proposals(task: Task, request: Request, shape: TargetShape) -> Proposals:
     """Return the features of the body whose face holds the target.
 
     A part's own outline, or a post's: all of them lie at the target's height. Jaws have
-    none beside themselves.
+    none but themselves.
     """
     part = task.parts.get(shape.owner)
     if part is None:
@@ -84,7 +84,7 @@ def proposals(task: Task, request: Request, shape: TargetShape) -> Proposals:
 def _by_kinds(features: Sequence[Feature]) -> list[Feature]:
     """Return features of different kinds first, of a kind those with longer edges.
 
-    Edges, pairs and corners of one ring tell much the same.
+    Edges, pairs and corners of one ring measure much the same.
     """
     found: list[tuple[int, Feature]] = []
     for kind in {feature.kind for feature in features}:
@@ -119,7 +119,7 @@ def drawn(shape: TargetShape) -> Feature:
 
 
 def offset_um(shape: TargetShape, about: TargetShape) -> tuple[float, float]:
-    """Return a shape's place seen from another of its owner, in the owner's axes."""
+    """Return a shape's position from another of its owner, in its axes, um."""
     (x, y), (x0, y0) = shape.center_um, about.center_um
     return (x - x0, y - y0)
 
@@ -133,7 +133,7 @@ def _as_proposed(feature: Feature, proposed: tuple[Feature, ...]) -> Feature:
 
 
 def _without_notch(feature: Feature) -> Feature:
-    """Return teeth without the notch that tells one from the next."""
+    """Return teeth without the notch that distinguishes one from the next."""
     if feature.kind != "teeth" or not feature.symmetry_broken_by:
         return feature
     kept = {k: v for k, v in feature.parameters.items() if not k.startswith("notch_")}
@@ -143,7 +143,7 @@ def _without_notch(feature: Feature) -> Feature:
 def _shape(
     owner: str, name: str, feature: Feature, outline: Outline, *, bright: bool
 ) -> TargetShape:
-    """Return a feature as a target; `bright` tells whether its body is."""
+    """Return a feature as a target; `bright` is that of its body."""
     return TargetShape(
         name=name,
         owner=owner,

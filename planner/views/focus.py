@@ -1,4 +1,4 @@
-"""Heights to focus on: the fewest that take in what the features accept."""
+"""Focus heights: the fewest that serve the focus ranges of all features."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def covered_um(
     """Return the errors of a height that stops take in for every feature, without gap.
 
     `stops_um` are from the target's nominal height, 0 among them; a stop that is off by
-    epsilon either way still does.
+    epsilon to either side still does.
     """
     ends = []
     for usable in usable_um:

@@ -1,4 +1,4 @@
-"""What the workcell's lens and lamp do to a look: what is known, what is charged."""
+"""Errors of lens or lamp in a look: what is known, what is charged to the budget."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
 
 
 def lens_rows(
-    task: Task, state: State, shape: TargetShape, spot: Place, scope: Microscope
+    task: Task, state: State, shape: TargetShape, target_at: Place, scope: Microscope
 ) -> tuple[LensRow, ...]:
     """Return what the lens does to the target of a look, effect by effect.
 
     The target is taken to be out of focus by one sigma of the task's benchmark.
     """
-    pose, (left, low, right, high) = spot.pose, shape.box_um
+    pose, (left, low, right, high) = target_at.pose, shape.box_um
     corners = [
         (pose.x_um + x, pose.y_um + y) for x in (left, right) for y in (low, high)
     ]
@@ -97,10 +97,10 @@ def _levels(task: Task, shape: TargetShape) -> tuple[float, float]:
     return (min(pair), max(pair))
 
 
-def middle_sigma_um(cell: Workcell, microscope: Microscope, spot: Place) -> float:
+def middle_sigma_um(cell: Workcell, microscope: Microscope, target_at: Place) -> float:
     """Return how far the unknown distortion moves the middle of a target, one sigma."""
     lens = cell.optics.lens
-    rows = predict(lens, microscope, [(spot.pose.x_um, spot.pose.y_um)])
+    rows = predict(lens, microscope, [(target_at.pose.x_um, target_at.pose.y_um)])
     row = next(row for row in rows if row.effect == "radial distortion")
     return row.sigma_nm / NM_PER_UM
 
@@ -123,7 +123,7 @@ def middle_offset_um(
 
 
 def _all_errors(task: Task, shape: TargetShape) -> LensErrors:
-    """Return the lens' errors with the light's gradient and the part's edges as made.
+    """Return the lens' errors with the light's gradient and the part's edge tolerance.
 
     A gradient of any direction counts half along each axis; a profile tolerance is
     uniform within.

@@ -1,4 +1,4 @@
-"""Which looks a step needs, and how good each must be."""
+"""Looks that a step requests, with the accuracy each must have."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import State, owner_of
+from microplan.planner.assembly.mating import hole_and_shaft
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.task import Move, Task, TaskStep
@@ -22,10 +23,10 @@ ANGLE_RAD = math.radians(1.0)  # for outlines without a period
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PriorKnowledge:
-    """What a look just before tells of the part that a target is on."""
+    """Accuracy with which a look just before has located a target's part."""
 
     about_um: tuple[float, float]  # what it measured, in the part's frame
-    sigma_um: float  # of its place in the world, per axis
+    sigma_um: float  # of its position in the world, per axis
     sigma_theta_rad: float | None  # None: no more than the state knows
 
 
@@ -113,7 +114,7 @@ def _asked_by(
 def next_turn_rad(
     task: Task, states: tuple[StepState, ...], index: int
 ) -> float | None:
-    """Return how closely the next alignment to what step `index` locates turns to it.
+    """Return the angular tolerance of the next alignment to what step `index` locates.
 
     None if none does, or if it is a tool: its angle is the robot's.
     """
@@ -156,7 +157,7 @@ def next_tolerance_um(
 def insertion_after(states: tuple[StepState, ...], align: StepState) -> TaskStep | None:
     """Return the insertion that an alignment prepares, None if there is none.
 
-    What moves sideways or turns after the alignment undoes it, even on its way back.
+    What moves sideways or rotates after the alignment undoes it, even on its return.
     """
     owners = {owner_of(n) for n in (align.step.target, align.step.to) if n}
     position = states.index(align)
@@ -185,10 +186,7 @@ def _fit_tolerance(
     step = insertion_after(states, align)
     if step is None:
         return None
-    hole_part, _, hole = (step.target or "").partition(".")
-    shaft_part, _, shaft = (step.onto or "").partition(".")
-    feature = task.parts[hole_part].features.get(hole)
-    post = task.parts[shaft_part].posts.get(shaft)
+    feature, post = hole_and_shaft(task, step)
     if feature is None or post is None:
         return None
     room = (feature.radius_um - post.radius_um) / 2
@@ -209,7 +207,7 @@ def _request(
     *,
     angle: bool = False,
 ) -> Request:
-    """Return one request; `suffix` tells the looks of one step apart."""
+    """Return one request; `suffix` distinguishes the looks of one step."""
     step = here.step
     return Request(
         id=f"{step.id}.{suffix}" if suffix else step.id,

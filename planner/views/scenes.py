@@ -1,4 +1,4 @@
-"""Scenes of looks: layers in view, what higher bodies hide or shade."""
+"""Scenes of looks: layers in view, shares of edges that higher bodies hide or shade."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from microplan.optics.outline.tolerant_order import least
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import (
-    Axis4,
     Body,
-    Carrier,
     Place,
     State,
     bodies,
@@ -23,22 +21,23 @@ from microplan.planner.assembly.assembly import (
     robot_pose,
 )
 from microplan.planner.assembly.shapes import polygon
+from microplan.planner.assembly.world import axis_move
 from microplan.planner.task.task import Task
 from microplan.planner.views.targets import TargetShape, outline_of
 from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
-from microplan.schemas.plan import AxisMove, Shade
+from microplan.schemas.plan import Shade
 from microplan.schemas.pose import Pose
 
 
 def look_scene(
-    task: Task, state: State, look: str, shape: TargetShape, spot: Place
+    task: Task, state: State, look: str, shape: TargetShape, target_at: Place
 ) -> LookScene:
     """Return the assembly at a look, and which edges the look is at."""
     return LookScene(
         look=look,
-        target=_target(task, shape, spot),
-        stage=_readings("stage", state.stage),
-        robot=None if state.tool is None else _readings("robot", state.robot),
+        target=_target(task, shape, target_at),
+        stage=axis_move("stage", state.stage),
+        robot=None if state.tool is None else axis_move("robot", state.robot),
         opening_um=None if state.tool is None else state.opening_um,
         bodies=tuple(
             PlacedBody(
@@ -51,7 +50,7 @@ def look_scene(
     )
 
 
-def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
+def _target(task: Task, shape: TargetShape, target_at: Place) -> SeenTarget:
     """Return whose edges a look is at; of a circle, those of the one ring."""
     if shape.owner in task.workcell.tools:
         names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None
@@ -60,7 +59,7 @@ def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
         posts = task.parts[shape.owner].posts
         names = (f"{shape.owner}.{inner}" if inner in posts else shape.owner,)
         ring = target_ring(outline_of(task, shape), shape)
-    return SeenTarget(name=shape.name, pose=spot.pose, bodies=names, ring=ring)
+    return SeenTarget(name=shape.name, pose=target_at.pose, bodies=names, ring=ring)
 
 
 def _pose(task: Task, state: State, owner: str, name: str) -> Pose:
@@ -70,17 +69,6 @@ def _pose(task: Task, state: State, owner: str, name: str) -> Pose:
     half = state.opening_um / 2
     shift_um = -half if name.endswith(".left") else half
     return robot_pose(state.robot).compose(Pose(x_um=shift_um, y_um=0.0))
-
-
-def _readings(name: Carrier, axes: Axis4) -> AxisMove:
-    """Return where one axis group stands."""
-    return AxisMove(
-        axes=name,
-        x_um=axes.x_um,
-        y_um=axes.y_um,
-        z_um=axes.z_um,
-        theta_rad=axes.theta_rad,
-    )
 
 
 # Points along all edges whose shade is counted. A stretch of edge that is hidden is
@@ -110,7 +98,7 @@ def shade_of(
     task: Task,
     state: State,
     shape: TargetShape,
-    spot: Place,
+    target_at: Place,
     aperture: float,
     index: float,
 ) -> tuple[Shade, ...]:
@@ -122,12 +110,12 @@ def shade_of(
     """
     if shape.owner in task.workcell.tools:
         return ()
-    points = shapely.points(_edge_points(task, shape, spot))
+    points = shapely.points(_edge_points(task, shape, target_at))
     slope = math.tan(math.asin(aperture / index))
     found = []
     for body in bodies(task, state):
-        height = body.z_high_um - spot.z_um
-        if body.name == spot.name or height <= 0 or _is_own_face(body, shape):
+        height = body.z_high_um - target_at.z_um
+        if body.name == target_at.name or height <= 0 or _is_own_face(body, shape):
             continue
         solid = polygon(body.outline)
         shapely.prepare(solid)  # 2000 points ask it twice
@@ -178,15 +166,17 @@ def _reaches(
     )
 
 
-def _edge_points(task: Task, shape: TargetShape, spot: Place) -> FloatArray:
+def _edge_points(task: Task, shape: TargetShape, target_at: Place) -> FloatArray:
     """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
 
-    They stand evenly along all edges, in the middle of as many equal lengths.
+    They lie evenly along all edges, in the middle of as many equal lengths.
     """
     rings = outline_of(task, shape)
     only = target_ring(rings, shape)
     rings = rings if only is None else Outline(rings=(rings.rings[only],))
-    posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    posed = place(
+        rings, target_at.pose.x_um, target_at.pose.y_um, target_at.pose.theta_rad
+    )
     edges = [edge for ring in posed.rings for edge in ring.edges]
     ends = np.cumsum([edge.length_um for edge in edges])
     along = (np.arange(EDGE_POINTS) + 0.5) * ends[-1] / EDGE_POINTS

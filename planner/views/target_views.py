@@ -1,4 +1,4 @@
-"""Where a look's target is, and the settings of the microscope that show it."""
+"""Microscope settings that show a look's target."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from microplan.arrays import Box
 from microplan.optics.outline.tolerant_order import least
-from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.scene import Scene
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.source.diagnostics import Report
@@ -41,7 +41,7 @@ def views(
 ) -> tuple[ViewPlan, ...]:
     """Return the settings that show the target, the preferred one first.
 
-    Reports why there is none, and what stands in the way of those there are.
+    Reports why there is none, and what limits those there are.
     """
     cell = task.workcell
     shape = shape_of(task, request.state, request.target)
@@ -69,22 +69,21 @@ def views(
             "target something with an angle, or ask for none",
         )
         return ()
-    spot = target_pose(task, request, shape)
-    focus = focus_for(cell, spot, report, request.where)
-    origin = _origin(task, request, spot)
-    zooms = magnifications(cell, shape, spot, current, report, origin)
+    target_at = target_pose(task, request, shape)
+    focus = focus_for(cell, target_at, report, request.where)
+    origin = _origin(task, request, target_at)
+    zooms = magnifications(cell, shape, target_at, current, report, origin)
     if focus is None:
         return ()
     scene = world_scene(task, request.state)
-    found = []
-    for zoom in zooms:
-        scope = microscope_at(cell, zoom)
-        region = region_for(scope, shape.box_um, spot, search_um(task, spot))
-        found.append(_lit(task, scene, scope, focus, region))
+    found = [
+        _lit(task, scene, target_at, microscope_at(cell, zoom), focus, shape.box_um)
+        for zoom in zooms
+    ]
     if found:
-        _report_tight(task, request, shape, spot, report)
+        _report_tight(task, request, shape, target_at, report)
         widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
-        _report_shade(task, request, shape, spot, widest, report)
+        _report_shade(task, request, shape, target_at, widest, report)
     return tuple(found)
 
 
@@ -95,10 +94,10 @@ def zooms_of(task: Task, request: Request) -> ZoomRange:
 
 
 def _report_tight(
-    task: Task, request: Request, shape: TargetShape, spot: Place, report: Report
+    task: Task, request: Request, shape: TargetShape, target_at: Place, report: Report
 ) -> None:
-    """Report a look that a slightly larger spread or finer detail would forbid."""
-    found = zoom_range(task.workcell, shape, spot)
+    """Report a look that a slightly larger sigma or finer detail would forbid."""
+    found = zoom_range(task.workcell, shape, target_at)
     if found.most >= LADDER * found.least:
         return
     ends = (("least", found.least), ("most", found.most))
@@ -119,9 +118,9 @@ def _report_tight(
 
 
 def _tells_angle(task: Task, shape: TargetShape) -> bool:
-    """Return whether the target, or features beside it on its part, have an angle.
+    """Return whether the target, or other features of its part, have an angle.
 
-    A post stands alone at its height.
+    A post is alone at its height.
     """
     part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
     return shape.has_angle or (part is not None and inner not in part.posts)
@@ -134,14 +133,14 @@ def _is_avoided(task: Task, target: str) -> bool:
     return part is not None and inner in part.features and part.features[inner].avoid
 
 
-def _origin(task: Task, request: Request, spot: Place) -> Origin:
+def _origin(task: Task, request: Request, target_at: Place) -> Origin:
     """Return where the file says what the look is about and what puts it there."""
-    start = task.where.get(f"start.{spot.owner}.sigma_xy_um")
+    start = task.where.get(f"start.{target_at.owner}.sigma_xy_um")
     return Origin(
         look=request.id,
         target=request.where,
         view=request.view_where,
-        spread=start if spot.carrier == "stage" else None,
+        sigma=start if target_at.carrier == "stage" else None,
     )
 
 
@@ -163,13 +162,13 @@ def _report_shade(
     task: Task,
     request: Request,
     shape: TargetShape,
-    spot: Place,
+    target_at: Place,
     scope: Microscope,
     report: Report,
 ) -> None:
-    """Report what stands over a target's edges, or reaches into their light cones."""
+    """Report occluders of a target's edges, or of their light cones."""
     shades = shade_of(
-        task, request.state, shape, spot, scope.aperture, scope.medium_index
+        task, request.state, shape, target_at, scope.aperture, scope.medium_index
     )
     if not shades:
         return
@@ -199,29 +198,28 @@ def _report_shade(
 
 def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     """Return the view with a region that holds all of the target's body, as far as the
-    frame does: other features of it may stand in for the target."""
+    frame does: other features of it may replace the target."""
     shape = needed_shape(task, request)
     if shape.owner in task.workcell.tools:
         return view
     x0, y0, x1, y1 = outline_of(task, shape).bounds_um
     reach = math.hypot(max(-x0, x1), max(-y0, y1))
-    spot = target_pose(task, request, shape)
+    target_at = target_pose(task, request, shape)
     box = (-reach, -reach, reach, reach)
-    region = region_for(view.microscope, box, spot, search_um(task, spot))
     scene = world_scene(task, request.state)
-    return _lit(task, scene, view.microscope, view.focus_um, region)
+    return _lit(task, scene, target_at, view.microscope, view.focus_um, box)
 
 
 def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     """Return the view with a region that holds the target and the features that the
-    task declares beside it, as far as the frame does."""
+    task declares on its part, as far as the frame does."""
     shape = needed_shape(task, request)
     part = task.parts.get(shape.owner)
     if part is None or shape.name.partition(".")[2] in part.posts:
         return view
-    spot = target_pose(task, request, shape)
+    target_at = target_pose(task, request, shape)
     boxes = [shape.box_um] + [
-        _box_about(feature, spot.pose.theta_rad, shape.center_um)
+        _box_about(feature, target_at.pose.theta_rad, shape.center_um)
         for feature in part.features.values()
         if not feature.avoid and feature.kind != "outline"
     ]
@@ -229,9 +227,8 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
         min(b[0] for b in boxes), min(b[1] for b in boxes),
         max(b[2] for b in boxes), max(b[3] for b in boxes),
     )  # fmt: skip
-    region = region_for(view.microscope, box, spot, search_um(task, spot))
     scene = world_scene(task, request.state)
-    return _lit(task, scene, view.microscope, view.focus_um, region)
+    return _lit(task, scene, target_at, view.microscope, view.focus_um, box)
 
 
 def _box_about(
@@ -246,18 +243,20 @@ def _box_about(
 
 
 def _lit(
-    task: Task, scene: Scene, scope: Microscope, focus_um: float, region: Window
-) -> ViewPlan:
-    """Return a view lit for the brightest of what its region shows."""
+    task: Task, scene: Scene, target_at: Place, scope: Microscope, focus_um: float,
+    box_um: Box,
+) -> ViewPlan:  # fmt: skip
+    """Return a view of a box about a target, lit for the brightest of what it shows."""
+    region = region_for(scope, box_um, target_at, search_um(task, target_at))
     seen = relevant(scene.layers, scope, focus_um, region)
     level = light_level(task.workcell, seen, task.benchmark)
     return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)
 
 
 def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
-    """Return where the target's reference point nominally is.
+    """Return the nominal pose of the target's reference point.
 
-    Its spread takes in how far it swings about the owner's own origin, or about what a
+    Its sigma takes in how far it swings about the owner's own origin, or about what a
     look before has measured.
     """
     place, about_um = locate_place(task, request.state, shape.owner), (0.0, 0.0)
@@ -283,9 +282,9 @@ def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
     )
 
 
-def search_um(task: Task, spot: Place) -> float:
+def search_um(task: Task, target_at: Place) -> float:
     """Return how far from nominal the target may be when a look begins."""
-    sigma = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
+    sigma = math.hypot(target_at.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
     return SEARCH_SIGMAS * sigma
 
 

@@ -1,17 +1,23 @@
-"""What a name in the task means to a routine: kind, extent and shape of the target."""
+"""Target shapes by name: kind, extent, parameters for the routines."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from microplan.arrays import Box
 from microplan.featuresel.routines.contract import TargetKind
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.scene import Layer
-from microplan.planner.assembly.assembly import State, face_um, owner_of, part_pose
-from microplan.planner.task.task import Part, PartFeature, Post, Task
+from microplan.planner.assembly.assembly import (
+    State,
+    face_um,
+    opened_fingers,
+    owner_of,
+    part_pose,
+)
+from microplan.planner.task.task import FeatureKind, Part, PartFeature, Post, Task
 from microplan.planner.task.workcell import Tool
 from microplan.schemas.pose import Pose
 
@@ -27,17 +33,17 @@ class TargetShape:
     owner: str
     kind: TargetKind
     center_um: tuple[float, float]  # reference point in the owner's frame
-    box_um: Box  # what must be in the field, about the reference point, as it is turned
+    box_um: Box  # what must be in the field, about the reference point, as rotated
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it
-    symmetry: int
-    symmetry_broken_by: str
+    symmetry: int = 1
+    symmetry_broken_by: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     angle_rad: float = 0.0  # of the target's own frame in the owner's
 
     @property
     def has_angle(self) -> bool:
-        """Return whether a routine can tell which way the target is turned."""
+        """Return whether a routine can measure the target's rotation."""
         return self.symmetry == 1 or bool(self.symmetry_broken_by)
 
 
@@ -45,20 +51,22 @@ def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
     """Return the shape of a named target, None if no routine knows its kind."""
     owner, _, inner = name.partition(".")
     if owner in task.workcell.tools:
-        turn_rad = state.robot.theta_rad
-        return _jaws(task.workcell.tools[owner], state.opening_um, turn_rad)
+        rotation_rad = state.robot.theta_rad
+        return _jaws(task.workcell.tools[owner], state.opening_um, rotation_rad)
     part = task.parts[owner]
     if inner in part.posts:
-        return _post(part, part.posts[inner], name)
+        post = part.posts[inner]
+        bright = post.reflectance > part.reflectance
+        return _circle(part, post, name, bright=bright)
     if inner:
         feature = part.features[inner]
         if feature.kind == "notch":
             return None
         shape = declared_shape(part, feature, name)
         return _as_turned(task, state, shape) if feature.kind == "outline" else shape
-    teeth = [f for f in part.features.values() if f.kind == "teeth" and not f.avoid]
-    if teeth:
-        return _teeth(part, teeth[0], f"{owner}.{teeth[0].name}")
+    teeth = next(_of_kind(part, "teeth"), None)
+    if teeth is not None:
+        return _teeth(part, teeth, f"{owner}.{teeth.name}")
     return _as_turned(task, state, _whole(part))
 
 
@@ -68,18 +76,15 @@ def target_layers(task: Task, state: State, shape: TargetShape) -> tuple[Layer, 
     Heights are relative to the owner's underside.
     """
     if shape.owner in task.workcell.tools:
-        tool, half = task.workcell.tools[shape.owner], state.opening_um / 2
+        tool = task.workcell.tools[shape.owner]
         return tuple(
             Layer(
-                name=f"{tool.name}.{side}",
-                outline=place(outline, shift, 0.0),
+                name=name,
+                outline=outline,
                 z_um=tool.thickness_um,
                 reflectance=tool.reflectance,
             )
-            for side, outline, shift in (
-                ("left", tool.left, -half),
-                ("right", tool.right, half),
-            )
+            for name, outline in opened_fingers(tool, state.opening_um)
         )
     part = task.parts[shape.owner]
     dx, dy = -shape.center_um[0], -shape.center_um[1]
@@ -94,26 +99,18 @@ def target_layers(task: Task, state: State, shape: TargetShape) -> tuple[Layer, 
     )
 
 
-def face_height_um(task: Task, name: str) -> float:
-    """Return the height of a target's face above its owner's underside."""
-    owner, _, inner = name.partition(".")
-    if owner in task.workcell.tools:
-        return task.workcell.tools[owner].thickness_um
-    return face_um(task.parts[owner], inner)
-
-
 def _disc(radius_um: float) -> Box:
     """Return the box of a disc, which holds at any angle."""
     return (-radius_um, -radius_um, radius_um, radius_um)
 
 
-def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> TargetShape:
+def _jaws(tool: Tool, opening_um: float, rotation_rad: float) -> TargetShape:
     """Return the jaws seen from the grip: both fingers from the tips on.
 
-    The box is that of the fingers as the robot has turned them.
+    The box is that of the fingers as the robot has rotated them.
     """
     half = opening_um / 2 + tool.finger_width_um
-    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=rotation_rad)
     corners = [
         turn.apply(x, y)
         for x in (-half, half)
@@ -128,29 +125,11 @@ def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> TargetShape:
         box_um=(min(xs), min(ys), max(xs), max(ys)),
         finest_um=min(tool.finger_width_um, opening_um),
         bright=True,
-        symmetry=1,
-        symmetry_broken_by="",
         parameters={
             "opening_um": opening_um,
             "finger_width_um": tool.finger_width_um,
             "grip_from_tip_um": tool.grip_from_tip_um,
         },
-    )
-
-
-def _post(part: Part, post: Post, name: str) -> TargetShape:
-    """Return a post's top face."""
-    return TargetShape(
-        name=name,
-        owner=part.name,
-        kind="circle",
-        center_um=post.center_um,
-        box_um=_disc(post.radius_um),
-        finest_um=2 * post.radius_um,
-        bright=post.reflectance > part.reflectance,
-        symmetry=0,
-        symmetry_broken_by="",
-        parameters={"radius_um": post.radius_um},
     )
 
 
@@ -160,17 +139,23 @@ def declared_shape(part: Part, feature: PartFeature, name: str) -> TargetShape:
         return _teeth(part, feature, name)
     if feature.kind == "outline":
         return _whole(part)
+    return _circle(part, feature, name, bright=not feature.hole)
+
+
+def _circle(
+    part: Part, drawn: PartFeature | Post, name: str, *, bright: bool
+) -> TargetShape:
+    """Return the circle of a feature or of a post's top face."""
     return TargetShape(
         name=name,
         owner=part.name,
         kind="circle",
-        center_um=feature.center_um,
-        box_um=_disc(feature.radius_um),
-        finest_um=2 * feature.radius_um,
-        bright=not feature.hole,
+        center_um=drawn.center_um,
+        box_um=_disc(drawn.radius_um),
+        finest_um=2 * drawn.radius_um,
+        bright=bright,
         symmetry=0,
-        symmetry_broken_by="",
-        parameters={"radius_um": feature.radius_um},
+        parameters={"radius_um": drawn.radius_um},
     )
 
 
@@ -183,17 +168,8 @@ def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
         "phase_rad": teeth.phase_rad,
     }
     finest = teeth.radius_um - teeth.root_um
-    notch = next(
-        (f for f in part.features.values() if f.kind == "notch" and not f.avoid), None
-    )
-    bore = next(
-        (
-            f
-            for f in part.features.values()
-            if f.kind == "circle" and f.hole and not f.avoid
-        ),
-        None,
-    )
+    notch = next(_of_kind(part, "notch"), None)
+    bore = next((f for f in _of_kind(part, "circle") if f.hole), None)
     if notch is not None:
         parameters["notch_rad"] = notch.phase_rad
         parameters["notch_radius_um"] = notch.radius_um
@@ -215,6 +191,11 @@ def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
     )
 
 
+def _of_kind(part: Part, kind: FeatureKind) -> Iterator[PartFeature]:
+    """Yield the declared features of a kind that may be looked for."""
+    return (f for f in part.features.values() if f.kind == kind and not f.avoid)
+
+
 def _whole(part: Part) -> TargetShape:
     """Return the whole outline, about the middle of its bounds."""
     x0, y0, x1, y1 = part.outline.bounds_um
@@ -227,8 +208,6 @@ def _whole(part: Part) -> TargetShape:
         box_um=_disc(extent),
         finest_um=min(x1 - x0, y1 - y0),
         bright=True,
-        symmetry=1,
-        symmetry_broken_by="",
         parameters={"extent_um": extent},
     )
 
@@ -236,8 +215,8 @@ def _whole(part: Part) -> TargetShape:
 def _as_turned(task: Task, state: State, shape: TargetShape) -> TargetShape:
     """Return a whole outline with the box of all angles that it may have.
 
-    Over an interval of 2 delta a corner's place is at most 1 - cos(delta / 2) of its
-    way beyond that at the ends or the middle.
+    Over an interval of 2 delta a corner's position is at most 1 - cos(delta / 2) of its
+    distance beyond that at the ends or the middle.
     """
     part, held = task.parts[shape.owner], state.parts[shape.owner]
     known_rad = max(held.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
@@ -249,10 +228,10 @@ def _as_turned(task: Task, state: State, shape: TargetShape) -> TargetShape:
         part_pose(task, state, part.name).theta_rad, (x1 - x0) / 2, (y1 - y0) / 2,
     )  # fmt: skip
     more = math.hypot(half_x, half_y) * (1 - math.cos(delta / 2))
-    turns = [(abs(math.cos(t)), abs(math.sin(t)))
+    rotations = [(abs(math.cos(t)), abs(math.sin(t)))
              for t in (theta - delta, theta, theta + delta)]  # fmt: skip
-    x = max(c * half_x + s * half_y for c, s in turns) + more
-    y = max(s * half_x + c * half_y for c, s in turns) + more
+    x = max(c * half_x + s * half_y for c, s in rotations) + more
+    y = max(s * half_x + c * half_y for c, s in rotations) + more
     return replace(shape, box_um=(-x, -y, x, y))
 
 

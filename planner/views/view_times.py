@@ -1,4 +1,4 @@
-"""What it takes to look after the look before: errors of zoom and focus, and time."""
+"""Time or errors of a change from one look's setting to the next."""
 
 from __future__ import annotations
 
@@ -53,20 +53,19 @@ def approach_times(task: Task, here: StepState) -> tuple[TimeRow, ...]:
     The step's own moves; for an alignment its first approach as well, where the parts
     are nominally.
     """
-    at: dict[Carrier, Axis4] = {
-        "stage": here.before.stage,
-        "robot": here.before.robot,
-    }
+    state = here.before
     rows: list[TimeRow] = []
     for move in here.moves:
-        there = at[move.axes].moved(move.to)
+        there = state.axes(move.axes).moved(move.to)
         axes = axes_of(task, move.axes)
-        rows += move_times(axes, move.axes, at[move.axes], there)
-        at[move.axes] = there
+        rows += move_times(axes, move.axes, state.axes(move.axes), there)
+        state = state.carried(move.axes, there)
     if here.path:
         carrier = locate_place(task, here.before, here.step.target or "").carrier
-        end = here.at_look.stage if carrier == "stage" else here.at_look.robot
-        rows += _legs(axes_of(task, carrier), carrier, at[carrier], end, here.path)
+        end = here.at_look.axes(carrier)
+        rows += _legs(
+            axes_of(task, carrier), carrier, state.axes(carrier), end, here.path
+        )
     return tuple(rows)
 
 
@@ -87,14 +86,14 @@ def setting_time_s(task: Task, here: StepState, look: Look) -> float:
 def centre_times(task: Task, carrier: Carrier, sigma_um: float) -> tuple[TimeRow, ...]:
     """Return how long a target that is off by `sigma_um` per axis takes to centre.
 
-    Its way is the mean of a Rayleigh distribution, sigma sqrt(pi / 2).
+    Its distance is the mean of a Rayleigh distribution, sigma sqrt(pi / 2).
     """
     axes = axes_of(task, carrier)
-    way_um = sigma_um * math.sqrt(math.pi / 2)
+    distance_um = sigma_um * math.sqrt(math.pi / 2)
     return (
         TimeRow(
-            what=f"{carrier} centres the target, {way_um:.3g} um on average",
-            time_s=way_um / axes.speed_xy_um_per_s,
+            what=f"{carrier} centres the target, {distance_um:.3g} um on average",
+            time_s=distance_um / axes.speed_xy_um_per_s,
         ),
         TimeRow(what=f"{carrier} settles", time_s=axes.settle_s),
     )
@@ -108,15 +107,15 @@ def move_times(
     up_um, turn_rad = abs(end.z_um - start.z_um), abs(end.theta_rad - start.theta_rad)
     if start == end:
         return
-    ways = (
+    travels = (
         (across_um, "um across", axes.speed_xy_um_per_s),
         (up_um, "um in z", axes.speed_z_um_per_s),
         (turn_rad, "rad", axes.speed_theta_rad_per_s),
     )
-    said = ", ".join(f"{way:.4g} {unit}" for way, unit, _ in ways if way)
+    said = ", ".join(f"{travel:.4g} {unit}" for travel, unit, _ in travels if travel)
     yield TimeRow(
         what=f"{carrier} moves {said}",
-        time_s=max(way / speed for way, _, speed in ways),
+        time_s=max(travel / speed for travel, _, speed in travels),
     )
     yield TimeRow(what=f"{carrier} settles", time_s=axes.settle_s)
 
@@ -155,7 +154,7 @@ def _frame(cell: Workcell) -> TimeRow:
 
 
 def _back(look: Look, waits: Sequence[TimeRow]) -> Iterator[TimeRow]:
-    """Yield the way back of a target that was centred for the look."""
+    """Yield the return of a target that was centred for the look."""
     if look.coarse is not None:
         for row in waits:
             yield TimeRow(what=f"{row.what} (back)", time_s=row.time_s)

@@ -1,4 +1,4 @@
-"""How the microscope is set for a look: its light, and the region cut out."""
+"""Setting of the microscope for a look: magnification, focus, light, region."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from microplan.planner.assembly.assembly import Place
 from microplan.planner.task.task import Benchmark
 from microplan.planner.task.workcell import Workcell
 
-SEARCH_SIGMAS = 3.0  # half-width of the search, in spreads of the target's place
+SEARCH_SIGMAS = 3.0  # half-width of the search, in sigmas of the target's position
 CONTEXT_UM = 20.0  # surroundings that calipers need beyond the target
 BRIGHTEST = 0.95  # share of full scale that the brightest face may reach
 

@@ -1,4 +1,4 @@
-"""Which magnifications a look allows: a closed interval, and the rungs tried in it."""
+"""Magnifications that a look allows: a closed interval with the rungs tried in it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Origin:
     look: str  # id
     target: Span
     view: Span | None = None  # of the `view_um` that brought the target there
-    spread: Span | None = None  # of the spread that it starts with
+    sigma: Span | None = None  # of the sigma that it starts with
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +64,8 @@ def zoom_range(cell: Workcell, shape: TargetShape, place: Place) -> ZoomRange:
 
     At least those that give the finest detail FINEST_PX pixels of the camera's pitch p,
     FINEST_PX p / detail; at most those whose field holds the target's box with two
-    sigma of its place on either side. In the middle of a field of W x H pixels that is
-    W p / (box + 4 sigma), or H. The workcell limits both. Beyond 4 p A / wavelength
+    sigma of its position on either side. In the middle of a field of W x H pixels that
+    is W p / (box + 4 sigma), or H. The workcell limits both. Beyond 4 p A / wavelength
     (two pixels to the shortest period that the lens passes) nothing more is resolved.
     """
     low, high = cell.optics.magnification
@@ -110,10 +110,10 @@ def zoom_range(cell: Workcell, shape: TargetShape, place: Place) -> ZoomRange:
 
 def field_limit(cell: Workcell, box_um: Box, place: Place) -> float:
     """Return the magnification at which a box and two sigma just reach the rim."""
-    camera, spread = cell.camera, SIGMAS * place.sigma_xy_um
+    camera, margin_um = cell.camera, SIGMAS * place.sigma_xy_um
     x0, y0, x1, y1 = box_um
     x, y = place.pose.x_um, place.pose.y_um
-    reach_um = (max(x + x1, -(x + x0)) + spread, max(y + y1, -(y + y0)) + spread)
+    reach_um = (max(x + x1, -(x + x0)) + margin_um, max(y + y1, -(y + y0)) + margin_um)
     sides_um = (
         camera.pitch_um * camera.width_px / 2,
         camera.pitch_um * camera.height_px / 2,
@@ -188,15 +188,15 @@ def useful_magnification(cell: Workcell, magnification: float) -> float:
 
 
 def in_field(microscope: Microscope, box_um: Box, place: Place) -> bool:
-    """Return whether the box about a place stays in the field at two sigma."""
+    """Return whether a box stays in the field at two sigma."""
     half_x, half_y = (size / 2 for size in microscope.field_um)
-    spread = SIGMAS * place.sigma_xy_um
+    margin_um = SIGMAS * place.sigma_xy_um
     x0, y0, x1, y1 = box_um
     return (
-        place.pose.x_um + x1 + spread <= half_x
-        and place.pose.x_um + x0 - spread >= -half_x
-        and place.pose.y_um + y1 + spread <= half_y
-        and place.pose.y_um + y0 - spread >= -half_y
+        place.pose.x_um + x1 + margin_um <= half_x
+        and place.pose.x_um + x0 - margin_um >= -half_x
+        and place.pose.y_um + y1 + margin_um <= half_y
+        and place.pose.y_um + y0 - margin_um >= -half_y
     )
 
 
@@ -225,7 +225,7 @@ def _report_field(
         at, what = None, "too large for"
         hint = "allow a lower magnification, or target a smaller feature"
     elif not in_field(lowest, shape.box_um, centred):
-        at, what = origin.spread, "too uncertain for"
+        at, what = origin.sigma, "too uncertain for"
         hint = "place it better at the start, or locate something larger on it first"
     else:
         at, what = origin.view, "not inside"

@@ -1,4 +1,4 @@
-"""Weigh block definitions before any is expanded: how much layers would draw."""
+"""Number of entities that DXF blocks would draw, known before any is expanded."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def copies(insert: Entity) -> tuple[int, int]:
 def hidden(file: DxfFile, layer: str, *, invisible: bool, insert: bool = False) -> str:
     """Return why an entity on `layer` is not seen, "" if it is.
 
-    A block that stands on a layer that is off shows what it has on other layers.
+    A block that is inserted on a layer that is off shows what it has on other layers.
     """
     if layer.lower() in file.frozen:
         return " on a frozen layer"

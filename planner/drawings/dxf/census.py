@@ -1,4 +1,4 @@
-"""How many entities a DXF drawing holds, by layer and kind, with blocks expanded."""
+"""Counts of the entities of a DXF drawing by layer, kind, with blocks expanded."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def held(file: DxfFile) -> tuple[Held, bool]:
     """Return how many entities each layer holds, and whether all were counted.
 
     Copies of blocks are multiplied, not walked; beyond MAX_ROWS products counting
-    stops. What is not seen is told apart by why.
+    stops. Entities that are not seen are counted by the reason.
     """
     found: Held = Counter()
     for entity in file.paper:
         found[entity.layer, f"{entity.kind} in paper space"] += 1
-    # how often a block stands on a layer, and why it is not seen, "" if it is
+    # copies of a block by layer, and why they are not seen, "" if they are
     times: defaultdict[str, Counter[tuple[str, str]]] = defaultdict(Counter)
     times[""]["0", ""] = 1
     work = 0

@@ -1,4 +1,4 @@
-"""Curves of a drawing under affine maps, and as the segments and arcs of an outline.
+"""Curves of a drawing under affine maps, as edges of an outline.
 
 Points are complex, x + i y. Lines and circles under similarities stay what they are;
 ellipses and splines become chains of tangent arcs (biarcs) within a stated tolerance.
@@ -13,42 +13,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from microplan.optics.outline.outline import Arc, Edge
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import CurveSpan, biarcs, segment, unit
 
 ROUND_UM = 1e-6  # half axes closer than this make a circle: rounding of 1e4 um
-
-
-@dataclass(frozen=True, slots=True)
-class Affine:
-    """A map of the plane, z -> a z + b conj(z) + t; a similarity if a or b is 0."""
-
-    a: complex = 1 + 0j
-    b: complex = 0j
-    t: complex = 0j
-
-    @classmethod
-    def scale(cls, x: float, y: float) -> Affine:
-        """Return the map that scales along the axes."""
-        return cls(complex((x + y) / 2), complex((x - y) / 2))
-
-    def point(self, z: complex) -> complex:
-        """Return the image of a point."""
-        return self.vector(z) + self.t
-
-    def vector(self, z: complex) -> complex:
-        """Return the image of a difference of points."""
-        return self.a * z + self.b * z.conjugate()
-
-    def of(self, inner: Affine) -> Affine:
-        """Return the map that applies `inner` first."""
-        a = self.a * inner.a + self.b * inner.b.conjugate()
-        b = self.a * inner.b + self.b * inner.a.conjugate()
-        return Affine(a, b, self.point(inner.t))
-
-    @property
-    def stretch(self) -> float:
-        """Return the largest factor by which lengths grow."""
-        return abs(self.a) + abs(self.b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,14 +162,8 @@ class _BezierSpan:
         return _first_step(plain), -_first_step(plain[::-1])
 
     def at(self, fraction: float) -> complex:
-        rest = 1 - fraction
-        row = self.points
-        while len(row) > 1:
-            row = tuple(
-                (rest * z0 + fraction * z1, rest * w0 + fraction * w1)
-                for (z0, w0), (z1, w1) in pairwise(row)
-            )
-        return row[0][0] / row[0][1]
+        point, weight = self._split(fraction)[1][0]
+        return point / weight
 
     def halves(self) -> tuple[CurveSpan, CurveSpan]:
         left, right = self._split(0.5)
@@ -288,17 +250,17 @@ def _polar(
 
 def _is_straight(points: Sequence[complex]) -> bool:
     """Return whether control points lie on one line in order."""
-    way = unit(points[-1] - points[0])
-    if not way:
+    along = unit(points[-1] - points[0])
+    if not along:
         return False
-    local = [(z - points[0]) * way.conjugate() for z in points]
+    local = [(z - points[0]) * along.conjugate() for z in points]
     if any(abs(z.imag) > ROUND_UM for z in local):
         return False
     return all(b.real >= a.real for a, b in pairwise(local))
 
 
 def _first_step(points: Sequence[complex]) -> complex:
-    """Return the way from the first point to the next one that differs."""
+    """Return the difference from the first point to the next other one."""
     for z in points[1:]:
         if abs(z - points[0]) > 1e-9 * abs(points[-1] - points[0]):
             return z - points[0]

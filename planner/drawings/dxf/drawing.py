@@ -9,9 +9,6 @@ from microplan.optics.outline.outline import Outline, Ring
 from microplan.planner.drawings.biarcs import CURVE_UM
 from microplan.planner.drawings.census import Taken
 from microplan.planner.drawings.drawing_findings import (
-    MAX_LISTED,
-    MAX_UM,
-    MIN_UM,
     UM_PER_UNIT,
     body_places,
     counts_said,
@@ -37,9 +34,6 @@ from microplan.planner.drawings.overlaps import without_overlaps
 from microplan.planner.drawings.pieces import Drawn
 from microplan.planner.drawings.rings import GAP_UM, Chained, chain
 from microplan.planner.source.diagnostics import Report, Span
-
-__all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
-           "load_drawing", "take"]  # fmt: skip
 
 MAX_BYTES = 16 << 20
 _UNCOUNTED = ("MP202", "MP215", "MP217")  # after these it is not known what there is

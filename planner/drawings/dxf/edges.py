@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from microplan.optics.outline.outline import JOIN_UM, Arc, Edge
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import TooManyError
 from microplan.planner.drawings.dxf.blocks import (
     EndlessError,
@@ -23,7 +24,7 @@ from microplan.planner.drawings.dxf.blocks import (
     wanted_weight,
     weigh,
 )
-from microplan.planner.drawings.dxf.curves import Affine, Line, Shape
+from microplan.planner.drawings.dxf.curves import Line, Shape
 from microplan.planner.drawings.dxf.entities import READERS, from_behind, read_entity
 from microplan.planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
 from microplan.planner.drawings.dxf.paths import Path, UnreadableError
@@ -92,7 +93,7 @@ def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
 
 
 def _settle_hatches(drawn: Drawn) -> None:
-    """Leave hatches out, read or not, beside lines; else take them for lines."""
+    """Leave hatches out, read or not, where there are lines; else take them."""
     if not drawn.pieces:
         drawn.pieces, drawn.hatched = drawn.hatched, []
         drawn.troubles += [trouble for _, trouble in drawn.unread]
@@ -106,7 +107,7 @@ def _settle_hatches(drawn: Drawn) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _BlockWalk:
-    """Goes through blocks and writes down what it finds."""
+    """A traversal of blocks that collects pieces and troubles."""
 
     file: DxfFile
     layers: frozenset[str]
@@ -231,7 +232,7 @@ class _BlockWalk:
         return edges, near and any(isinstance(edge, Arc) for edge in edges)
 
 
-_BEHIND = Affine(0j, -1 + 0j)  # x runs the other way
+_BEHIND = Affine(0j, -1 + 0j)  # x is reversed
 
 
 def _frames(insert: Entity, block: Block, frame: Affine) -> Iterator[Affine]:

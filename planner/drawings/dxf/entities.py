@@ -1,4 +1,4 @@
-"""What a DXF entity draws, in its own coordinates: lines, elliptic arcs and splines.
+"""Curves of a DXF entity in its own coordinates: lines, elliptic arcs, splines.
 
 Codes and flags: Autodesk, DXF Reference, "ENTITIES". Every curve keeps its own form:
 an arc as a cubic, as drawing libraries have it, is 2.7e-4 of its radius off.
@@ -189,7 +189,7 @@ def _spline(entity: Entity) -> list[Path]:
 
 
 def _quad(entity: Entity) -> list[Path]:
-    """Return a SOLID or TRACE; its third and fourth corner stand crosswise."""
+    """Return a SOLID or TRACE; its third and fourth corner are exchanged."""
     corners = [entity.point(10), entity.point(11), entity.point(12)]
     last = entity.point(13, corners[2])
     corners.insert(2, last)

@@ -1,4 +1,4 @@
-"""What ezdxf makes of a DXF file, as a process of its own: counts and extents.
+"""Reading of a DXF file by ezdxf in its own process: counts, extents.
 
 The library may be slow, take much memory or fail in any way on files that are odd; its
 process is killed, and the compiler goes on. Only this module imports it.
@@ -22,7 +22,7 @@ from ezdxf.math import Matrix44
 from microplan.planner.drawings.dxf.tags import is_binary, text_of
 
 MAX_VISITS = 40_000  # entities that extents are taken of, blocks expanded
-MAX_FIXES = 100  # of the audit, that are told
+MAX_FIXES = 100  # of the audit, that are reported
 
 _FRAME = 16  # flag of a vertex that is a control point
 
@@ -45,7 +45,7 @@ class EzdxfAnswer(TypedDict, total=False):
     before: list[Row]  # the audit
     after: list[Row]
     fixes: list[str]
-    bounds: list[Bounds | None]  # of each outline, None if there is none to tell
+    bounds: list[Bounds | None]  # of each outline, None if not known
 
 
 def main() -> None:
@@ -106,7 +106,7 @@ def _rows(document: Drawing) -> list[Row]:
 
 
 def _bounds(document: Drawing, layers: frozenset[str], fine: float) -> Bounds | None:
-    """Return the extent of all lines on `layers`, None if there is none to tell."""
+    """Return the extent of all lines on `layers`, None if not known."""
     walk = _LibraryWalk(document, layers, fine)
     xs: list[float] = []
     ys: list[float] = []
@@ -207,7 +207,7 @@ def _corners(entity: Any, fine: float) -> Iterator[list[Any]]:
 
 
 def _bound_memory(most: int) -> None:
-    """Let the process take no more memory, where the system can."""
+    """Limit the memory of the process, where the system can."""
     try:
         import resource
     except ImportError:  # Windows; time alone is bounded there

@@ -1,4 +1,4 @@
-"""A DXF file as its tables: layers, block definitions and entities, nothing lost.
+"""A DXF file as its tables: layers, block definitions, entities, nothing lost.
 
 Every entity of the sections ENTITIES and BLOCKS is kept with its raw tags; nothing is
 repaired, left out or filled in, so what cannot be understood can be said.
@@ -33,15 +33,8 @@ class Entity:
     parts: list[Entity] = field(default_factory=list)
 
     def indices(self, code: int) -> Iterator[int]:
-        """Yield where values of a group code are among the tags."""
-        at = self.first
-        while True:
-            try:
-                at = self.tags.codes.index(code, at, self.last)
-            except ValueError:
-                return
-            yield at
-            at += 1
+        """Return the indices of the tags with a group code, in order."""
+        return self.tags.where(code, self.first, self.last)
 
     def count(self, code: int) -> int:
         """Return how many values of a group code there are."""
@@ -92,12 +85,12 @@ class Entity:
 
     @property
     def place(self) -> str:
-        """Return where it stands in the file."""
+        """Return its line or byte in the file."""
         return self.tags.place(self.first - 1)
 
     @property
     def label(self) -> str:
-        """Return the handle by which a CAD program finds it, or where it stands."""
+        """Return the handle by which a CAD program finds it, or its line or byte."""
         handle = self.text(5)
         return f"#{handle}" if handle else self.place
 
@@ -167,7 +160,7 @@ def read_dxf(data: bytes) -> DxfFile:
     CrowdedError
         If it has more than MAX_ITEMS entities, on whatever layers.
     DamagedError
-        If vertices or attributes stand where none can be, or blocks do not end.
+        If vertices or attributes are where none can be, or blocks do not end.
     ValueError
         If a number that is needed is none.
     """
@@ -205,7 +198,7 @@ def _sections(tags: Tags) -> dict[str, list[Entity]]:
     count = tags.codes.count(0)
     if count > MAX_ITEMS:
         raise CrowdedError(f"it holds {count} entities, at most {MAX_ITEMS}")
-    marks = [*_marks(tags), len(tags.codes)]
+    marks = [*tags.where(0), len(tags.codes)]
     if any(code != _COMMENT for code in tags.codes[: marks[0]]):
         raise DxfError(f"group {tags.codes[0]} at {tags.place(0)} is in no section")
     for at, after in pairwise(marks):
@@ -225,17 +218,6 @@ def _sections(tags: Tags) -> dict[str, list[Entity]]:
     if items is not None:
         raise DxfError("its last section does not end")
     return found
-
-
-def _marks(tags: Tags) -> Iterator[int]:
-    """Yield where items begin: at group 0."""
-    at = -1
-    while True:
-        try:
-            at = tags.codes.index(0, at + 1)
-        except ValueError:
-            return
-        yield at
 
 
 def _header(items: Sequence[Entity]) -> dict[str, str]:

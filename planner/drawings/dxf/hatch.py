@@ -1,4 +1,4 @@
-"""The boundaries of a HATCH: polylines with bulges, or lines, arcs and splines.
+"""The boundaries of a HATCH: polylines with bulges, or lines, arcs, splines.
 
 Codes: Autodesk, DXF Reference, "HATCH" and "Boundary path data".
 """
@@ -23,7 +23,7 @@ _MOST_DEGREE = 15
 
 
 class _HatchReader:
-    """Takes the tags of a hatch one by one, in the order that the format has."""
+    """A cursor over the tags of a hatch, in the order that the format has."""
 
     def __init__(self, entity: Entity) -> None:
         self._tags = entity.tags
@@ -78,7 +78,8 @@ def hatch_paths(entity: Entity) -> list[Path]:
     Raises
     ------
     UnreadableError
-        If a boundary is a part of an ellipse, whose angles programs write in two ways.
+        If a boundary is a part of an ellipse, for whose angles programs have two
+        conventions.
     DamagedError
         If it holds other numbers of paths, edges or vertices than it declares.
     """

@@ -1,4 +1,4 @@
-"""Paths: what an entity draws in one go."""
+"""Paths of entities: chains of curves, checked to be B-splines where they are."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from microplan.planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulg
 from microplan.planner.drawings.dxf.paths import Path, UnreadableError
 
 _SAME = 1e-9  # relative: widths and directions closer than this are equal
-_SMOOTH_RAD = 1e-6  # edges that turn by less go on in the same direction
-_MITRE_RAD = math.radians(150)  # sharper turns are drawn in different ways
+_SMOOTH_RAD = 1e-6  # edges that bend by less have one direction
+_MITRE_RAD = math.radians(150)  # sharper bends are drawn differently by programs
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +64,8 @@ def stroke(knees: Sequence[Knee], *, closed: bool) -> list[Path]:
 
 def _taper(line: Line, start_width: float, end_width: float) -> Path:
     """Return a straight stroke whose width may change along it."""
-    way = line.end - line.start
-    left = 1j * way / abs(way) / 2
+    along = line.end - line.start
+    left = 1j * along / abs(along) / 2
     corners = [
         line.start + start_width * left, line.end + end_width * left,
         line.end - end_width * left, line.start - start_width * left,
@@ -116,11 +116,11 @@ def _moved(shape: Shape, shift: float) -> Shape | None:
 
 
 def _refuse_flipped(centre: Sequence[Shape], side: Sequence[Shape]) -> None:
-    """Refuse edges that mitres have turned round: they are too short for the width."""
+    """Refuse edges that mitres have reversed: they are too short for the width."""
     for shape, border in zip(centre, side, strict=True):
         if isinstance(shape, Line) and isinstance(border, Line):
-            way = (border.end - border.start) * _leaving(shape).conjugate()
-            if way.real <= 0:
+            along = (border.end - border.start) * _leaving(shape).conjugate()
+            if along.real <= 0:
                 raise UnreadableError("an edge of it is too short for its width")
 
 
@@ -128,8 +128,8 @@ def _leaving(shape: Shape) -> complex:
     """Return the unit direction at the start of a line or arc."""
     if isinstance(shape, EllipticArc):
         return cmath.rect(math.copysign(1.0, shape.sweep_rad), shape.start_rad) * 1j
-    way = _end(shape) - _start(shape)
-    return way / abs(way)
+    along = _end(shape) - _start(shape)
+    return along / abs(along)
 
 
 def _arriving(shape: Shape) -> complex:
@@ -141,7 +141,7 @@ def _arriving(shape: Shape) -> complex:
 
 
 def _turned(shape: Shape) -> Shape:
-    """Return a line or arc run the other way."""
+    """Return a line or arc with its direction reversed."""
     if isinstance(shape, EllipticArc):
         end_rad = shape.start_rad + shape.sweep_rad
         return EllipticArc(shape.center, shape.u, shape.v, end_rad, -shape.sweep_rad)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import codecs
 import re
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 Value = str | float
@@ -45,8 +46,20 @@ class Tags:
     values: list[Value]
     offsets: list[int] | None  # of the values in a binary file, bytes
 
+    def where(
+        self, code: int, first: int = 0, last: int | None = None
+    ) -> Iterator[int]:
+        """Yield the indices of a group code, of those from `first` to before `last`."""
+        at, end = first - 1, len(self.codes) if last is None else last
+        try:
+            while True:
+                at = self.codes.index(code, at + 1, end)
+                yield at
+        except ValueError:
+            return
+
     def place(self, index: int) -> str:
-        """Return where a value stands in the file."""
+        """Return the line or byte of a value in the file."""
         if self.offsets is None:
             return f"line {2 * index + 2}"
         return f"byte {self.offsets[index]}"
@@ -71,17 +84,10 @@ def read_tags(data: bytes) -> Tags:
         raise DxfError("it holds bytes that no text has; DWG must be saved as DXF")
     else:
         tags = _text(data)
-    at = 0
-    while True:
-        try:
-            at = tags.codes.index(0, at)
-        except ValueError:
-            raise DxfError(
-                "it ends without its end mark EOF, as if cut short"
-            ) from None
+    for at in tags.where(0):
         if str(tags.values[at]).strip() == "EOF":
             return Tags(tags.codes[:at], tags.values[:at], tags.offsets)
-        at += 1
+    raise DxfError("it ends without its end mark EOF, as if cut short")
 
 
 def is_binary(data: bytes) -> bool:
@@ -95,7 +101,7 @@ def text_of(data: bytes) -> str:
 
 
 def unescaped(name: str) -> str:
-    r"""Return `name` with \U+XXXX replaced by the character it stands for."""
+    r"""Return `name` with \U+XXXX replaced by the character it encodes."""
     return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), name)
 
 

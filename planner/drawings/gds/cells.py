@@ -1,12 +1,13 @@
-"""The cells of a GDSII library: which one is drawn, and how often it holds what."""
+"""The cell hierarchy of a GDSII library: cells reached, shapes placed."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.gds.library import (
     AreaElement,
     Library,
@@ -25,65 +26,34 @@ MAX_UNITS = 2.0**36  # farthest from the origin, database units: 69 m of nm
 
 
 @dataclass(frozen=True, slots=True)
-class AffineMap:
-    """x, y -> a x + b y + x0, c x + d y + y0: turned, scaled, perhaps mirrored."""
-
-    a: float = 1.0
-    b: float = 0.0
-    c: float = 0.0
-    d: float = 1.0
-    x: float = 0.0
-    y: float = 0.0
-
-    def after(self, inner: AffineMap) -> AffineMap:
-        """Return the map that does `inner` first, then this one."""
-        return AffineMap(
-            self.a * inner.a + self.b * inner.c,
-            self.a * inner.b + self.b * inner.d,
-            self.c * inner.a + self.d * inner.c,
-            self.c * inner.b + self.d * inner.d,
-            self.a * inner.x + self.b * inner.y + self.x,
-            self.c * inner.x + self.d * inner.y + self.y,
-        )
-
-    @property
-    def mag(self) -> float:
-        """Return by how much lengths grow."""
-        return math.hypot(self.a, self.c)
-
-
-@dataclass(frozen=True, slots=True)
 class PlacedShape:
     """One shape where the top cell has it."""
 
     shape: AreaElement
     cell: str
-    at: AffineMap
+    at: Affine
 
 
-def affine(reference: StructureReference) -> AffineMap:
-    """Return what a reference does to its structure: mirror, scale, turn, shift.
+def affine(reference: StructureReference) -> Affine:
+    """Return what a reference does to its structure: mirror, scale, rotate, shift.
 
     Quarter turns are exact.
     """
-    cos, sin = _turn(reference.angle_deg)
-    cos, sin = cos * reference.mag, sin * reference.mag
-    flip = -1.0 if reference.mirrored else 1.0
-    x, y = reference.origin
-    return AffineMap(cos, -sin * flip, sin, cos * flip, float(x), float(y))
-
-
-def _turn(angle_deg: float) -> tuple[float, float]:
-    """Return cosine and sine, exact for quarter turns."""
-    quarter, rest = divmod(angle_deg, 90.0)
+    quarter, rest = divmod(reference.angle_deg, 90.0)
     cos, sin = math.cos(math.radians(rest)), math.sin(math.radians(rest))
     for _ in range(int(quarter) % 4):
         cos, sin = -sin, cos
-    return cos, sin
+    factor = complex(cos * reference.mag, sin * reference.mag)
+    origin = complex(*reference.origin)
+    return (
+        Affine(b=factor, a=0j, t=origin)
+        if reference.mirrored
+        else Affine(factor, t=origin)
+    )
 
 
 def reached(library: Library, top: str) -> tuple[str, ...]:
-    """Return the cells that `top` is made of, each after all that it places.
+    """Return the cells that `top` is made of, each after all that it refers to.
 
     Raises
     ------
@@ -157,7 +127,7 @@ def expand(
     weights = _weights(library, order, layers)
     *_, top = order
     found: list[PlacedShape] = []
-    todo = [(top, AffineMap())]
+    todo = [(top, Affine())]
     while todo:
         cell, at = todo.pop()
         structure = library.structures[cell]
@@ -210,18 +180,17 @@ def _own(structure: Structure, layers: Collection[str]) -> tuple[int, int]:
     return shapes, points
 
 
-def _copies(
-    reference: StructureReference, at: AffineMap, cell: str
-) -> Iterator[AffineMap]:
+def _copies(reference: StructureReference, at: Affine, cell: str) -> Iterator[Affine]:
     """Yield where the top cell has each copy of a reference's structure."""
     one = affine(reference)
     for row in range(reference.rows):
         for column in range(reference.columns):
             (cx, cy), (rx, ry) = reference.column_step, reference.row_step
-            x = one.x + column * cx + row * rx
-            y = one.y + column * cy + row * ry
-            placed = at.after(AffineMap(one.a, one.b, one.c, one.d, x, y))
-            if not max(abs(placed.x), abs(placed.y), placed.mag) <= MAX_UNITS:
+            x = one.t.real + column * cx + row * rx
+            y = one.t.imag + column * cy + row * ry
+            placed = at.of(replace(one, t=complex(x, y)))
+            far = max(abs(placed.t.real), abs(placed.t.imag), placed.stretch)
+            if not far <= MAX_UNITS:
                 message = f"cell '{reference.name}' placed by '{cell}' is out of range"
                 raise GdsError("MP233", reference.offset, message)
             yield placed

@@ -15,6 +15,7 @@ from microplan.planner.drawings.drawing_findings import (
     MIN_UM,
     body_places,
     counts_said,
+    extent_um,
 )
 from microplan.planner.drawings.gds.cells import expand, held, reached
 from microplan.planner.drawings.gds.library import Library, read_library
@@ -24,7 +25,7 @@ from microplan.planner.drawings.nesting import BadRingsError, nest
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import did_you_mean
 
-SAME_UNIT = 1e-6  # relative: two ways to write one unit, none of them another
+SAME_UNIT = 1e-6  # relative: roundings of one unit, none of them another
 UNIT_M = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "inch": 0.0254, "m": 1.0}
 
 LABELS = frozenset(("TEXT", "NODE"))  # cover no area
@@ -61,7 +62,7 @@ def load_gds(
     units : str
         What the task says that the file's user unit is.
     cell : str or None
-        The cell to draw; None for the only one that no other places.
+        The cell to draw; None for the only one that no other refers to.
     at, layers_at, cell_at : Span
         Where the task names the file, the layers and the cell.
     report : Report
@@ -149,7 +150,7 @@ def _same_units(
     """Report units that contradict the task's.
 
     The file's are in metres and always there, so they are the ones to believe; a
-    contradiction still means that somebody is wrong.
+    contradiction still means that one of them is wrong.
     """
     stated = library.user_unit_m
     known = [name for name, m in UNIT_M.items() if abs(stated / m - 1) <= SAME_UNIT]
@@ -228,8 +229,7 @@ def _nested(
         hint = f"select the cell or layers of one; rings by layer: {says}"
         report.error("MP209", at, message, hint)
         return None
-    x0, y0, x1, y1 = outline.bounds_um
-    extent = max(x1 - x0, y1 - y0)
+    extent = extent_um(outline)
     if not MIN_UM <= extent <= MAX_UM:
         message = f"{name} is {extent:.6g} um large, allowed {MIN_UM:g} to {MAX_UM:g}"
         hint = f"its UNITS make one database unit {drawing.library.unit_um:g} um"
@@ -239,7 +239,7 @@ def _nested(
 
 
 def _say_skipped(drawing: GdsDrawing, report: Report) -> None:
-    """Say what the cells hold beside shapes."""
+    """Report what the cells hold other than shapes."""
     skipped: Counter[str] = Counter()
     for cell in drawing.cells:
         for (_, kind), n in drawing.library.structures[cell].skipped.items():
@@ -253,7 +253,7 @@ def _say_skipped(drawing: GdsDrawing, report: Report) -> None:
 def _say_rounded(
     drawing: GdsDrawing, rounded: Sequence[Rounded], at: Span, report: Report
 ) -> None:
-    """Say which polygons were taken for circles."""
+    """Report which polygons were taken for circles."""
     if not rounded:
         return
     said = [

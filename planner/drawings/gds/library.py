@@ -78,14 +78,14 @@ class StructureReference:
     rows: int = 1
     column_step: tuple[float, float] = (0.0, 0.0)
     row_step: tuple[float, float] = (0.0, 0.0)
-    mirrored: bool = False  # about the x axis, before it is turned
+    mirrored: bool = False  # about the x axis, before it is rotated
     mag: float = 1.0
     angle_deg: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Structure:
-    """A cell: its shapes, what it places, and what was passed over."""
+    """A cell: its shapes, its references, and counts of what was passed over."""
 
     name: str
     offset: int
@@ -104,7 +104,7 @@ class Library:
 
     @property
     def tops(self) -> tuple[str, ...]:
-        """Return the cells that no other one places, in the order of their names."""
+        """Return the cells that no other one refers to, in the order of their names."""
         placed = {r.name for s in self.structures.values() for r in s.references}
         return tuple(sorted(set(self.structures) - placed))
 
@@ -143,7 +143,7 @@ def read_library(data: bytes) -> Library:
 
 
 def _expect(record: GdsRecord, name: str) -> GdsRecord:
-    """Return the record if it is the one that must stand here."""
+    """Return the record if it is the one expected here."""
     if record.name != name:
         message = f"{record.name} stands where {name} must"
         raise GdsError("MP230", record.offset, message)
@@ -231,7 +231,7 @@ def _shape(first: GdsRecord, parts: Mapping[str, GdsRecord]) -> AreaElement:
 
 
 def _layer(parts: Mapping[str, GdsRecord], datatype: str) -> str:
-    """Return an element's layer and datatype, or what stands for it."""
+    """Return an element's layer and datatype, or its equivalent."""
     return f"{bits(parts['LAYER'])}/{bits(parts[datatype])}"
 
 
@@ -243,7 +243,7 @@ def _integer(parts: Mapping[str, GdsRecord], name: str) -> int:
 def _reference(
     first: GdsRecord, parts: Mapping[str, GdsRecord], cell: str
 ) -> StructureReference:
-    """Return a placement; what programs read in different ways is refused."""
+    """Return a placement; what programs read differently is refused."""
     xy = integers(parts["XY"])
     wanted = 2 if first.name == "SREF" else 6
     if len(xy) != wanted:

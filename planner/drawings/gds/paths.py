@@ -16,11 +16,11 @@ SHARP = -1e-9  # cosine of a bend: a right angle is still drawn alike by all pro
 
 
 def stroke(shape: AreaElement, points: FloatArray, width: float) -> list[FloatArray]:
-    """Return convex polygons whose union is the path.
+    """Return convex polygons whose union is the path, in database units [1].
 
     Parameters
     ----------
-    shape : Shape
+    shape : AreaElement
         The path; its type and extensions are used.
     points : (N, 2) float array
         Its middle line, database units.
@@ -97,7 +97,7 @@ def _bend(
         raise _unreadable(shape, f"{message}({x:g}, {y:g}) database units, 90 allowed")
     if not sin:
         return []
-    side = -math.copysign(half, sin)  # the outer side lies away from the turn
+    side = -math.copysign(half, sin)  # the outer side is opposite to the bend
     first = side * np.array([-before[1], before[0]])
     last = side * np.array([-behind[1], behind[0]])
     tip = (first + last) / (1 + cos)

@@ -26,7 +26,7 @@ def polygons(shape: AreaElement, mag: float = 1.0) -> list[shapely.Polygon]:
 
     Parameters
     ----------
-    shape : Shape
+    shape : AreaElement
         A boundary, box or path.
     mag : float
         By how much its cell is magnified; an absolute width is divided by it.
@@ -54,10 +54,10 @@ def too_many_meetings(edges: FloatArray, limit: int) -> bool:
     Parameters
     ----------
     edges : (N, 2, 2) float array
-        Both ends of each.
+        Both ends of each, database units [1].
     limit : int
-        How many pairs may have boxes that meet, each counted both ways, beside every
-        edge's own and its two neighbours'.
+        How many pairs may have boxes that meet, each counted both ways, in addition to
+        every edge's own and its two neighbours'.
     """
     if len(edges) <= FEW_EDGES:
         return False
@@ -71,7 +71,7 @@ def too_many_meetings(edges: FloatArray, limit: int) -> bool:
 
 
 def _gone_round_once(shape: AreaElement, points: FloatArray) -> list[shapely.Polygon]:
-    """Return the faces that a boundary goes round once; all of them the same way."""
+    """Return the faces of winding number 1, or -1 for all of them."""
     ends = np.stack([points[:-1], points[1:]], axis=1)
     if too_many_meetings(ends, MAX_TOUCHES):
         message = f"a {shape.kind} on layer '{shape.layer}' crosses itself too often"

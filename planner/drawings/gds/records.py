@@ -35,7 +35,7 @@ _KINDS = {
 
 
 class GdsError(ValueError):
-    """What cannot be read, and at which byte of the file (-1: of no one place)."""
+    """What cannot be read, and at which byte of the file (-1: of no single byte)."""
 
     def __init__(self, code: str, offset: int, message: str, hint: str = "") -> None:
         super().__init__(message)

@@ -1,4 +1,4 @@
-"""GDSII shapes of one layer as rings: united, holes found, circles known again."""
+"""GDSII shapes of one layer as rings: united, holes found, circles recognised."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Ring, Segment
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import fit_circle
-from microplan.planner.drawings.gds.cells import MAX_UNITS, AffineMap, PlacedShape
+from microplan.planner.drawings.gds.cells import MAX_UNITS, PlacedShape
 from microplan.planner.drawings.gds.paths import sagitta
 from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings
 from microplan.planner.drawings.gds.records import GdsError
 from microplan.planner.drawings.rings import canonical
 
-# Corners are taken to multiples of this part of a database unit: copies turned by odd
+# Corners are taken to multiples of this part of a database unit: copies rotated by odd
 # angles then meet again, and what lies on the grid stays where it is.
 GRID = 2.0**-14
 # What two edges that are one leave between them after that is narrower than this, in
 # database units: a whole step of the grid along x and along y at each end.
 SLIVER = 4 * GRID
 MAX_RINGS = 2000  # around and inside the shapes of one layer
-MAX_MEETINGS = 200_000  # pairs of edges whose boxes meet, beside neighbours
+MAX_MEETINGS = 200_000  # pairs of edges whose boxes meet, neighbours aside
 ROUND_CORNERS = 32  # fewer on a circle may be meant as corners
 
 
@@ -54,7 +55,7 @@ def unite(placed: Sequence[PlacedShape], unit_um: float) -> Regions:
 
     Parameters
     ----------
-    placed : sequence of Placed
+    placed : sequence of PlacedShape
         The shapes of one layer, at least one.
     unit_um : float
         One database unit.
@@ -126,7 +127,7 @@ def _pieces(placed: Sequence[PlacedShape]) -> list[shapely.Polygon]:
     found: list[shapely.Polygon] = []
     for item in placed:
         absolute = item.shape.kind == "PATH" and item.shape.width < 0
-        mag = item.at.mag if absolute else 1.0
+        mag = item.at.stretch if absolute else 1.0
         key = (item.shape.offset, mag)
         if key not in own:
             own[key] = polygons(item.shape, mag)
@@ -139,12 +140,14 @@ def _pieces(placed: Sequence[PlacedShape]) -> list[shapely.Polygon]:
     return found
 
 
-def _moved(at: AffineMap, polygon: shapely.Polygon) -> shapely.Polygon:
+def _moved(at: Affine, polygon: shapely.Polygon) -> shapely.Polygon:
     """Return a polygon where a map brings it."""
+
+    a, b, c, d = at.matrix
 
     def move(points: FloatArray) -> FloatArray:
         x, y = points.T
-        return np.column_stack([at.a * x + at.b * y + at.x, at.c * x + at.d * y + at.y])
+        return np.column_stack([a * x + b * y + at.t.real, c * x + d * y + at.t.imag])
 
     return shapely.transform(polygon, move)
 
@@ -213,7 +216,7 @@ def _segments(corners: FloatArray) -> tuple[Segment, ...]:
 
 def _round_end(placed: PlacedShape) -> float:
     """Return the sagitta of a path's round ends, database units; 0 if it has none."""
-    shape, mag = placed.shape, placed.at.mag
+    shape, mag = placed.shape, placed.at.stretch
     if shape.kind != "PATH" or shape.path_type != 1:
         return 0.0
     own = 1.0 if shape.width >= 0 else mag

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -124,48 +123,51 @@ def test_what_a_terminal_obeys_is_not_printed(parts: dict[str, Part]) -> None:
     assert list(part_lines(odd))[1] == "  from ?[2Jgear?.dxf, DXF R12"
 
 
+def _texts(root: ET.Element, kind: str) -> list[ET.Element]:
+    return [t for t in root.iter(f"{SVG}text") if t.get("class") == kind]
+
+
 def test_no_line_runs_through_a_diameter(parts: dict[str, Part]) -> None:
-    """Points of every outline, far finer than a letter, lie outside of all words."""
+    """The legend lies below all that is drawn, its lines apart from each other."""
     for part in parts.values():
         root = ET.fromstring(svg(part))
         group = root.find(f"{SVG}g")
         assert group is not None
         letter = float(group.get("font-size") or "nan")
         drawn = [p.get("d") or "" for p in root.iter(f"{SVG}path")]
-        rings = [ring for d in drawn if "Z" in d for ring in _points(d)]
-        for text in list(root.iter(f"{SVG}text"))[:-1]:  # not the scale bar's
-            x, y = float(text.get("x") or "nan"), float(text.get("y") or "nan")
-            wide = 0.5 * letter * len(text.text or "")  # of a sans serif's digits
-            for ring in rings:
-                ends, share = np.array([*ring, ring[0]]), np.linspace(0, 1, 50)
-                steps = (
-                    ends[:-1, None] + share[:, None] * np.diff(ends, axis=0)[:, None]
-                )
-                xs, ys = steps[..., 0], steps[..., 1]
-                inside = (xs > x) & (xs < x + wide) & (ys < y)
-                assert not (inside & (ys > y - 0.7 * letter)).any(), part.name
+        bar = next(d for d in drawn if d.count("h") == 1 and "v" not in d)
+        lowest = float(bar.partition("h")[0].split()[1])
+        assert lowest > -part.outline.bounds_um[1]
+        for text in _texts(root, "row"):
+            y = float(text.get("y") or "nan")
+            assert y - lowest > 0.99 * letter
+            lowest = y
 
 
-def test_diameters_of_concentric_circles_stand_apart(parts: dict[str, Part]) -> None:
+def test_circles_of_one_middle_share_a_mark_and_its_number(
+    parts: dict[str, Part],
+) -> None:
     rings = tuple(
         Ring(
             layer="RIM",
             edges=(
-                Arc(center=(0.0, 0.0), radius_um=r, start_rad=0.0, sweep_rad=math.tau),
+                Arc(
+                    center=(x, 0.0),
+                    radius_um=float(r),
+                    start_rad=0.0,
+                    sweep_rad=math.tau,
+                ),
             ),
         )
-        for r in (40.0, 30.0, 20.0, 10.0, 5.0)
+        for x, r in (
+            (0.0, 40.0),
+            (0.0, 30.0),
+            (200.0, 40.0),
+            (200.0, 30.0),
+            (90.0, 5.0),
+        )
     )
     part = replace(parts["gear"], outline=Outline(rings=rings))
     root = ET.fromstring(svg(part))
-    group = root.find(f"{SVG}g")
-    assert group is not None
-    letter = float(group.get("font-size") or "nan")
-    texts = [t for t in root.iter(f"{SVG}text") if t.get("x")]
-    marks = texts[:-1]  # the last is the scale bar's
-    assert sorted(t.text or "" for t in marks) == sorted(
-        f"{d} um" for d in (80, 60, 40, 20, 10)
-    )
-    places = [(float(t.get("x") or "nan"), float(t.get("y") or "nan")) for t in marks]
-    for (x, y), (u, v) in combinations(places, 2):  # on either side of their middle
-        assert x * u < 0 or abs(y - v) > 0.99 * letter
+    assert [t.text for t in _texts(root, "number")] == ["1", "1", "2"]
+    assert [t.text for t in _texts(root, "row")] == ["1: 80, 60 um", "2: 10 um"]

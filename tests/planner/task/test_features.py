@@ -165,8 +165,8 @@ def test_the_example_has_the_paper_s_features() -> None:
     assert (teeth.count, teeth.radius_um, teeth.root_um) == (18, 50, 45)
     assert teeth.phase_rad == pytest.approx(0, abs=1e-9)
     assert notch.phase_rad == pytest.approx(math.pi / 2)
-    sizes = (notch.width_um, notch.depth_um, notch.radius_um)
-    assert sizes == pytest.approx((6, 5, 27.5), rel=1e-9)
+    sizes = (notch.width_um, notch.radius_um)
+    assert sizes == pytest.approx((6, 27.5), rel=1e-9)
     assert gear_part.features["outline"].radius_um == pytest.approx(50)
     assert not gear_part.features["outline"].hole
     post = plate.posts["post"]

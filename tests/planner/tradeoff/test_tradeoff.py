@@ -33,8 +33,8 @@ from microplan.planner.tradeoff import render_methods as ways
 from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
 from microplan.planner.tradeoff.reference_images import (
     ReferenceView,
-    law_truth,
-    layer_truth,
+    exact_reference,
+    traced_reference,
 )
 from microplan.planner.tradeoff.render_methods import front, measure
 from microplan.planner.tradeoff.tradeoff import FOCUS_SIGMAS, strip_of
@@ -274,8 +274,8 @@ def numbers(sight: ReferenceView) -> list[MeasuredMethod]:
     fidelity = choose(
         sight.scene, SMALL, focus_um=sight.focus_um, limit=0.002, window=FRAME
     )
-    law = law_truth(sight, 40.0)
-    layered = layer_truth(sight, law, fidelity.sampling.margin)
+    law = exact_reference(sight, 40.0)
+    layered = traced_reference(sight, law, fidelity.sampling.margin)
     return [
         replace(way, time_ms=0.0, on_law_front=False, on_front=False)
         for way in measure(sight, fidelity, "blend", law, layered)
@@ -286,9 +286,9 @@ def test_both_oracles_of_the_law_agree_within_their_errors(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sight = sight_of(one_layer(rectangle(-12.0, -8.0, 9.0, 11.0)), 0.0, -8.0, 25.0)
-    closed = law_truth(sight, 40.0)
+    closed = exact_reference(sight, 40.0)
     monkeypatch.setattr(truths, "_SLOWEST", 0.0)
-    banded = law_truth(sight, 40.0)
+    banded = exact_reference(sight, 40.0)
     assert closed.name != banded.name
     assert closed.images.shape == banded.images.shape == (3, 20, 24)
     away = float(np.abs(closed.images - banded.images).max())
@@ -298,8 +298,8 @@ def test_both_oracles_of_the_law_agree_within_their_errors(
 @pytest.mark.slow
 def test_hidden_layers_are_those_of_the_slow_oracle() -> None:
     sight = sight_of(two_discs(), 0.0)
-    law = law_truth(sight, 40.0)
-    layered = layer_truth(sight, law, 40.0)
+    law = exact_reference(sight, 40.0)
+    layered = traced_reference(sight, law, 40.0)
     slow = oracle_image(two_discs(), SMALL, focus_um=0.0, window=FRAME)
     away = float(np.abs(layered.images[0] - slow).max())
     blended = float(np.abs(law.images[0] - slow).max())
@@ -310,8 +310,8 @@ def test_hidden_layers_are_those_of_the_slow_oracle() -> None:
 
 def test_one_height_hides_nothing() -> None:
     sight = sight_of(one_layer(disc(12.0)), 0.0, 5.0)
-    law = law_truth(sight, 40.0)
-    layered = layer_truth(sight, law, 40.0)
+    law = exact_reference(sight, 40.0)
+    layered = traced_reference(sight, law, 40.0)
     assert np.array_equal(layered.images[0], law.images[0])
     assert layered.error == law.error
     fidelity = choose(sight.scene, SMALL, focus_um=(0.0,), limit=0.01, window=FRAME)

@@ -39,7 +39,7 @@ HERE = Origin(
     look="see",
     target=Span(file="task.yaml", line=1),
     view=Span(file="task.yaml", line=2),
-    spread=Span(file="task.yaml", line=3),
+    sigma=Span(file="task.yaml", line=3),
 )
 LOW = 6.9
 

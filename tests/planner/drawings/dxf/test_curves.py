@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from microplan.optics.outline.outline import Arc, Edge
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import CURVE_PART, CURVE_UM, TooManyError
-from microplan.planner.drawings.dxf.curves import Affine, EllipticArc, spline
+from microplan.planner.drawings.dxf.curves import EllipticArc, spline
 
 PARTS = st.floats(-3, 3)
 MAPS = st.builds(
