@@ -73,9 +73,12 @@ def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     """Print findings and result; return the exit status they amount to."""
     from microplan.planner.cli.findings import render_findings
 
-    out, err = render_findings(report.in_order, result, call.format)
-    tell_findings(err)
-    say(out)
+    found, verbose = report.in_order, call.verbose
+    out, err = render_findings(found, result, call.format, verbose=verbose)
+    try:
+        say(out)
+    finally:  # findings are not lost with a standard output that takes nothing
+        tell_findings(err)
     if report.failed:
         return BAD_INPUT
     return NO if report.refused else DONE

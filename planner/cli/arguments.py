@@ -74,6 +74,7 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     add_version(parser)
+    parser.set_defaults(verbose=False)  # of the commands that read no task
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (add, says) in _COMMANDS.items():
         command = commands.add_parser(name, help=says)
@@ -85,6 +86,12 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
 def _add_task(parser: argparse.ArgumentParser) -> None:
     """Add what all commands share that read a task."""
     parser.add_argument("task", help="task.yaml")
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="list the notes that ask for nothing, too, a line each",
+    )
     _add_format(parser)
 
 

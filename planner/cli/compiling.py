@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,8 +91,19 @@ def _compiled(
     if files is None:
         return None
     folder = call.out or _beside(call.task, files.name)
-    write_folder(files, folder)
+    write_folder(_with_findings(files, report, Path(call.task).parent), folder)
     return files, folder
+
+
+def _with_findings(made: PlanBytes, report: Report, folder: Path) -> PlanBytes:
+    """Return a plan folder with its findings; files are named as seen from `folder`."""
+    from microplan.planner.store.folder import FINDINGS, json_bytes
+    from microplan.schemas.codec import to_data
+
+    text = json_bytes(to_data(tuple(report.in_order))).decode()
+    here = json.dumps(f"{folder}/", ensure_ascii=False).strip('"')
+    data = text.replace(here, "").encode()
+    return replace(made, files={**made.files, FINDINGS: data})
 
 
 def _options(call: argparse.Namespace) -> Options:

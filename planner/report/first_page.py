@@ -298,4 +298,6 @@ def contents(folder: ReportedPlan) -> Iterator[tuple[str, str]]:
     yield "Timeline", "timeline"
     for k, step in enumerate(folder.plan.steps, 1):
         yield f"{k}. {step.id}", step_id(step.id)
+    if folder.findings:
+        yield "Findings", "findings"
     yield "Provenance", "provenance"

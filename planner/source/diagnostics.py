@@ -138,6 +138,7 @@ class Diagnostic:
     where: Span
     message: str  # the value, the limit, the unit
     hint: str = ""  # how to mend it
+    action: bool = True  # False: a fact, for which nothing needs to be done
 
 
 @dataclass(slots=True)
@@ -165,8 +166,12 @@ class Report:
         self._add("warning", code, where, message, hint)
 
     def note(self, code: str, where: Span, message: str, hint: str = "") -> None:
-        """Add something worth knowing."""
+        """Add something that the user may want to change."""
         self._add("note", code, where, message, hint)
+
+    def fact(self, code: str, where: Span, message: str, hint: str = "") -> None:
+        """Add something worth knowing, a note for which nothing needs to be done."""
+        self._add("note", code, where, message, hint, action=False)
 
     @property
     def in_order(self) -> list[Diagnostic]:
@@ -195,7 +200,14 @@ class Report:
         return any(d.severity in ("infeasible", "different") for d in self.found)
 
     def _add(
-        self, severity: Severity, code: str, where: Span, message: str, hint: str
+        self,
+        severity: Severity,
+        code: str,
+        where: Span,
+        message: str,
+        hint: str,
+        *,
+        action: bool = True,
     ) -> None:
         self.found.append(
             Diagnostic(
@@ -204,6 +216,7 @@ class Report:
                 where=where,
                 message=_shortened(message),
                 hint=_shortened(hint),
+                action=action,
             )
         )
 
@@ -224,6 +237,13 @@ def render_text(diagnostic: Diagnostic) -> str:
     elif d.hint:
         lines.append(f"{pad} = {d.hint}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def render_line(diagnostic: Diagnostic) -> str:
+    """Return the finding as one line of text: kind, code, place, message."""
+    d, where = diagnostic, diagnostic.where
+    at = f"{where.file}:{where.line}:{where.column}" if where.line else where.file
+    return f"{d.severity}[{d.code}] {at} {d.message}"
 
 
 def _excerpt(where: Span) -> tuple[str, str]:

@@ -41,11 +41,13 @@ if TYPE_CHECKING:
 
 PLAN = "plan.json"
 REPORT = "report.html"
+FINDINGS = "findings.json"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
 _FOLDERS = (*_ALWAYS, "evidence")
 # what lies in a plan folder: beside anything else a plan may have been kept
 _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", REPORT,
+    FINDINGS,
     *_FOLDERS,
 }  # fmt: skip
 # How every plan begins, since 1.0: other programs write a plan.json too, also with a
@@ -263,7 +265,10 @@ def _fill(made: PlanBytes, folder: Path) -> None:
 
 def json_bytes(data: object) -> bytes:
     """Return JSON the way the plan is written."""
-    return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
+    return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode(
+        "utf-8",
+        "backslashreplace",  # names of files need not be text
+    )
 
 
 def swap(fresh: Path, folder: Path) -> None:

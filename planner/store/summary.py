@@ -18,12 +18,11 @@ EFFECTS = {
 
 
 def plan_summary(plan: Plan) -> str:
-    """Return one line per step, and the verdict."""
+    """Return the verdict with what it leaves out, one line per step, and the rest."""
+    verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_left_out(plan)]
     width = max((len(step.id) for step in plan.steps), default=4)
-    lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
-    lines.append(f"{plan.name}: {plan.status}, {_chance(plan)}")
-    rest = (*_left_out(plan), *_look_times(plan), *_worst_effect(plan))
-    return "\n".join([*lines, *rest])
+    steps = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
+    return "\n".join([*verdict, *steps, *_look_times(plan), *_worst_effect(plan)])
 
 
 def success(plan: Plan) -> str:
