@@ -12,6 +12,7 @@ from microplan.planner.diff.tolerances import parse_rule
 from microplan.planner.plan.options import AXES, parse_vary
 from microplan.planner.task.presets import PRESETS
 from microplan.schemas.files.json_schema import NAMES
+from microplan.schemas.page.completion import SHELLS
 from microplan.schemas.page.console import add_version
 
 T = TypeVar("T")
@@ -156,11 +157,6 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
     parser.add_argument(
-        "--watch",
-        action="store_true",
-        help="compile again whenever a file of the task changes, until Ctrl-C",
-    )
-    parser.add_argument(
         "--report", action="store_true", help="write report.html in the plan folder too"
     )
     _add_tolerance(parser)
@@ -282,15 +278,6 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, help="new, or without these files")
 
 
-def _add_migrate(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan migrate`."""
-    parser.add_argument("task", metavar="file", help="task.yaml or workcell.yaml")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("-o", "--out", type=Path, help="a new file; default: print it")
-    where.add_argument("--in-place", action="store_true", help="replace the file")
-    _add_format(parser)
-
-
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
     parser.add_argument("name", choices=NAMES, help="which file's")
@@ -298,7 +285,7 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _add_completion(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan completion`."""
-    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
+    parser.add_argument("shell", choices=SHELLS, help="whose script")
 
 
 _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
@@ -310,7 +297,6 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),
-    "migrate": (_add_migrate, "rewrite a task of an older format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
     "completion": (_add_completion, "print a completion script for a shell"),

@@ -1,4 +1,4 @@
-"""Subcommands that read a task and make no plan: check, render, tradeoff, migrate."""
+"""Subcommands that read a task and make no plan: check, render, tradeoff."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from microplan.planner.cli.answering import DONE, answer, refuse, tell_progress
+from microplan.planner.cli.answering import answer, refuse, tell_progress
 from microplan.planner.source.diagnostics import Report
-from microplan.schemas.page.console import say, tell
 
 if TYPE_CHECKING:
     from microplan.planner.task.task import Task
@@ -133,22 +132,3 @@ def _tradeoff_folder(call: argparse.Namespace, task: Task) -> Path:
 def _progress(step: str) -> None:
     """Say what is being measured."""
     tell_progress(f"measuring {step} ...")
-
-
-def migrate(call: argparse.Namespace) -> int:
-    """Rewrite a task or workcell of an older format."""
-    from microplan.planner.cli.migrating import MigrateCall
-    from microplan.planner.cli.migrating import migrate as migrated
-    from microplan.planner.store.folder import OutputError
-
-    report = Report()
-    asked = MigrateCall(file=call.task, out=call.out, in_place=call.in_place)
-    try:
-        told = migrated(asked, report)
-    except OutputError as error:
-        return refuse(call, report, error)
-    if told is None:
-        return answer(call, report, "")
-    tell(told.said)
-    say(told.text.removesuffix("\n"))
-    return DONE

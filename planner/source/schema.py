@@ -160,7 +160,7 @@ def _is_other(source: Source, version_key: str, report: Report) -> bool:
         "MP013",
         source.value(version_key),
         f"{version_key} is {version}, this microplan reads version {NEWEST}",
-        "update microplan" if version > NEWEST else f"microplan migrate {source.file}",
+        "update microplan",  # version 1 is the first
     )
     return True
 

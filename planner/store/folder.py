@@ -125,11 +125,6 @@ def replace_file(source: Path, file: Path) -> None:
     replace_bytes(file, data)
 
 
-def replace_text(file: Path, text: str) -> None:
-    """Write a text file, whole or not at all; MP702 if it cannot be written."""
-    replace_bytes(file, text.encode())
-
-
 def replace_alike(file: Path, data: bytes, *, head: int = 16) -> None:
     """Write a file in the place of none, or of one that begins with the same bytes.
 
