@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import re
-import struct
 from xml.etree import ElementTree as ET
+
+import tifffile
 
 from microplan.planner.export.folder import ExportedPlan, Viewed
 from microplan.planner.export.sight import microscope
@@ -69,43 +71,19 @@ def tiff(image: Picture, description: str, um_per_px: float) -> bytes:
         ASCII text of the page.
     um_per_px : float
         Distance of pixel centres, um; the file has its inverse per cm.
-
-    References
-    ----------
-    TIFF revision 6.0, Adobe (1992), part 1.
     """
-    rows, columns = image.shape
-    text = description.encode("ascii") + b"\0"
-    per_cm = struct.pack("<II", *_ratio(1e4 / um_per_px))
-    entries = 13
-    begin = 8 + 2 + 12 * entries + 4  # of what does not fit into an entry
-    at_text, at_ratio = begin, begin + len(text) + len(text) % 2
-    at_pixels = at_ratio + len(per_cm)
-    short, long, rational, ascii_ = 3, 4, 5, 2
-    tags = (
-        (256, long, 1, columns),
-        (257, long, 1, rows),
-        (258, short, 1, 8),  # bits
-        (259, short, 1, 1),  # no compression
-        (262, short, 1, 1),  # 0 is black
-        (270, ascii_, len(text), at_text),
-        (273, long, 1, at_pixels),
-        (277, short, 1, 1),  # samples a pixel
-        (278, long, 1, rows),  # rows of the strip
-        (279, long, 1, rows * columns),
-        (282, rational, 1, at_ratio),
-        (283, rational, 1, at_ratio),
-        (296, short, 1, 3),  # the unit is the centimetre
+    stream = io.BytesIO()
+    tifffile.imwrite(
+        stream,
+        image,
+        photometric="minisblack",
+        description=description,
+        metadata=None,
+        resolution=2 * (1e4 / um_per_px,),
+        resolutionunit="CENTIMETER",
+        software=False,
     )
-    head = struct.pack("<2sHIH", b"II", 42, 8, len(tags))
-    table = b"".join(struct.pack("<HHII", *tag) for tag in tags) + bytes(4)
-    return head + table + text + bytes(len(text) % 2) + per_cm + image.tobytes()
-
-
-def _ratio(value: float) -> tuple[int, int]:
-    """Return a number as numerator and denominator of 32 bits each."""
-    below = max(1, min(1 << 20, int((1 << 31) / max(value, 1e-9))))
-    return max(1, round(value * below)), below
+    return stream.getvalue()
 
 
 def _instrument(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:

@@ -1,7 +1,7 @@
 """What ezdxf makes of a DXF file, as a process of its own: counts and extents.
 
 The library may be slow, take much memory or fail in any way on files that are odd; its
-process is killed, and the compiler goes on. Only this module imports it.
+process is killed, and the compiler goes on.
 """
 
 from __future__ import annotations
