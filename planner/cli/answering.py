@@ -6,10 +6,11 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import Protocol
 
-from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import say, tell
 
 _RESET = "\x1b[0m"
@@ -61,12 +62,7 @@ def painted(text: str) -> str:
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 
-
-class Coded(Protocol):
-    """An exception with the code of its finding, and the file that it is about."""
-
-    code: str
-    file: str  # "": what cannot be done is said of the task
+Command = Callable[[argparse.Namespace, Report], str]
 
 
 def answer(call: argparse.Namespace, report: Report, result: str) -> int:
@@ -84,10 +80,25 @@ def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     return NO if report.refused else DONE
 
 
-def refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
-    """Tell what could not be done with the call itself, beside the findings."""
-    report.error(error.code, Span(file=error.file or call.task), str(error))
-    return answer(call, report, "")
+def answered(command: Command) -> Callable[[argparse.Namespace], int]:
+    """Return a command that prints what it returns, or why it cannot be done."""
+
+    @wraps(command)
+    def run(call: argparse.Namespace) -> int:
+        report, said = Report(), ""
+        try:
+            said = command(call, report)
+        except CallError as error:
+            refuse(call, report, error)
+        return answer(call, report, said)
+
+    return run
+
+
+def refuse(call: argparse.Namespace, report: Report, error: CallError) -> None:
+    """Add to the findings what could not be done with the call itself."""
+    where = Span(file=error.file or call.task)
+    report.error(error.code, where, str(error), error.hint)
 
 
 def tell_findings(text: str) -> None:

@@ -16,7 +16,7 @@ from microplan.planner.cli.answering import (
     refuse,
     tell_progress,
 )
-from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import tell
 
 if TYPE_CHECKING:
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
 def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from microplan.planner.diff.diffing import DiffError
-    from microplan.planner.store.folder import OutputError
-
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
         return BAD_INPUT
@@ -39,10 +36,8 @@ def compile_task(call: argparse.Namespace) -> int:
         if made is not None:
             timings = made[0].timings
             said = _written(call, *made, report)
-    except OutputError as error:
-        return refuse(call, report, error)
-    except DiffError as error:
-        report.error(error.code, Span(file=error.file), str(error))
+    except CallError as error:
+        refuse(call, report, error)
     status = answer(call, report, said)
     if call.timings and timings:
         from microplan.planner.store.summary import times_summary

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from microplan.planner.cli.answering import answer, refuse, tell_progress
+from microplan.planner.cli.answering import answered, tell_progress
 from microplan.planner.source.diagnostics import Report
 
 if TYPE_CHECKING:
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from microplan.planner.tradeoff.preview import RenderCall
 
 
-def check(call: argparse.Namespace) -> int:
+@answered
+def check(call: argparse.Namespace, report: Report) -> str:
     """Read and check a task without rendering."""
     from microplan.planner.task.part_summary import parts_summary
     from microplan.planner.task.read_task import load_task
@@ -22,37 +23,25 @@ def check(call: argparse.Namespace) -> int:
         check_task,  # shapely, but no imaging and no scipy
     )
 
-    report = Report()
     task = load_task(call.task, report)
     if task is None:
-        return answer(call, report, "")
+        return ""
     said = [check_task(task, report), parts_summary(task.parts)]
     if call.out:
-        from microplan.planner.store.folder import OutputError
         from microplan.planner.task.drawn import write_drawings
 
-        try:
-            said.append(write_drawings(task.parts, call.out))
-        except OutputError as error:
-            return refuse(call, report, error)
-    return answer(call, report, "\n".join(said) if said[0] else "")
+        said.append(write_drawings(task.parts, call.out))
+    return "\n".join(said) if said[0] else ""
 
 
-def render(call: argparse.Namespace) -> int:
+@answered
+def render(call: argparse.Namespace, report: Report) -> str:
     """Render one step's image to a file."""
-    from microplan.planner.store.folder import OutputError
     from microplan.planner.task.read_task import load_task
-    from microplan.planner.tradeoff.preview import RenderError, render_step
+    from microplan.planner.tradeoff.preview import render_step
 
-    report = Report()
     task = load_task(call.task, report)
-    if task is None:
-        return answer(call, report, "")
-    try:
-        said = render_step(task, _render_call(call), report)
-    except (RenderError, OutputError) as error:
-        return refuse(call, report, error)
-    return answer(call, report, said)
+    return "" if task is None else render_step(task, _render_call(call), report)
 
 
 def _render_call(call: argparse.Namespace) -> RenderCall:
@@ -71,23 +60,21 @@ def _render_call(call: argparse.Namespace) -> RenderCall:
     )
 
 
-def tradeoff(call: argparse.Namespace) -> int:
+@answered
+def tradeoff(call: argparse.Namespace, report: Report) -> str:
     """Measure time and error of every way to compute a task's images."""
     from microplan.planner.task.read_task import load_task
 
-    report = Report()
     task = load_task(call.task, report)
     if task is None:
-        return answer(call, report, "")
+        return ""
     if call.vary is None:
         return _tradeoff_of_images(call, task, report)
-    return _tradeoff_of_task(call, task, report)
+    return _tradeoff_of_task(call, task)
 
 
-def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) -> int:
+def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) -> str:
     """Render the images of steps in several ways."""
-    from microplan.planner.store.folder import OutputError
-    from microplan.planner.tradeoff.preview import RenderError
     from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
 
     asked = TradeoffCall(
@@ -95,21 +82,12 @@ def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) ->
         max_image_error=call.max_image_error,
         out=_tradeoff_folder(call, task),
     )
-    try:
-        found = write_tradeoff(task, asked, report, _progress)
-    except (OutputError, RenderError) as error:
-        return refuse(call, report, error)
-    return answer(call, report, found)
+    return write_tradeoff(task, asked, report, _progress)
 
 
-def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> int:
+def _tradeoff_of_task(call: argparse.Namespace, task: Task) -> str:
     """Compile a whole task in several ways."""
-    from microplan.planner.store.folder import OutputError
-    from microplan.planner.tradeoff.task_tradeoff import (
-        TaskCall,
-        VaryError,
-        write_task_tradeoff,
-    )
+    from microplan.planner.tradeoff.task_tradeoff import TaskCall, write_task_tradeoff
 
     asked = TaskCall(
         vary=call.vary,
@@ -117,11 +95,7 @@ def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> i
         max_image_error=call.max_image_error,
         out=_tradeoff_folder(call, task),
     )
-    try:
-        found = write_task_tradeoff(task, asked, _progress)
-    except (OutputError, VaryError) as error:
-        return refuse(call, report, error)
-    return answer(call, report, found)
+    return write_task_tradeoff(task, asked, _progress)
 
 
 def _tradeoff_folder(call: argparse.Namespace, task: Task) -> Path:

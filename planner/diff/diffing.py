@@ -11,6 +11,7 @@ from microplan.planner.diff.changes import Kind, PlanChange
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.pictures import compare_pictures
 from microplan.planner.diff.tolerances import Rule
+from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.folder import (
     check_file,
     check_folder,
@@ -21,12 +22,8 @@ from microplan.schemas.codec import CodecError
 from microplan.schemas.plan import Plan, newer_note, parse_plan
 
 
-class DiffError(Exception):
+class DiffError(CallError):
     """A plan that cannot be compared; carries the code of its finding."""
-
-    def __init__(self, code: str, message: str, file: str) -> None:
-        super().__init__(message)
-        self.code, self.file = code, file
 
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB

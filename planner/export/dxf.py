@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from io import StringIO
 
-from ezdxf import options
+from ezdxf._options import options
 from ezdxf.document import Drawing
 
 from microplan.optics.outline.outline import Arc, Edge, Segment, chords

@@ -14,6 +14,7 @@ import numpy as np
 
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
 from microplan.planner.diff.diffing import MOST_BYTES, DiffError, plan_file, read_plan
+from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.files.evidence import LookScene, Scenes
@@ -26,12 +27,8 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _MOST_PX = 1 << 26  # of a picture: an 8192 x 8192 sensor
 
 
-class ExportError(Exception):
+class ExportError(CallError):
     """Why nothing was exported; carries the code of its finding and the file."""
-
-    def __init__(self, code: str, message: str, file: Path, hint: str = "") -> None:
-        super().__init__(message)
-        self.code, self.file, self.hint = code, str(file), hint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike, fspath
 from typing import Literal
 
 # every code and what it says in a few words; each has a page in docs/diagnostics/,
@@ -139,6 +140,17 @@ class Diagnostic:
     message: str  # the value, the limit, the unit
     hint: str = ""  # how to mend it
     action: bool = True  # False: a fact, for which nothing needs to be done
+
+
+class CallError(Exception):
+    """Why a command cannot do what it was called for; carries the finding's code."""
+
+    def __init__(
+        self, code: str, message: str, file: str | PathLike[str] = "", hint: str = ""
+    ) -> None:
+        super().__init__(message)
+        # "" for the file: what cannot be done is said of the task
+        self.code, self.file, self.hint = code, fspath(file), hint
 
 
 @dataclass(slots=True)

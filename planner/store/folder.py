@@ -14,13 +14,11 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from microplan.planner.source.diagnostics import CallError
 
-class OutputError(Exception):
+
+class OutputError(CallError):
     """The output cannot be written; the message says why, `code` is MP7xx."""
-
-    def __init__(self, code: str, message: str, file: str | os.PathLike[str]) -> None:
-        super().__init__(message)
-        self.code, self.file = code, os.fspath(file)  # where it was to be written
 
 
 def not_written(
