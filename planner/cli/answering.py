@@ -7,11 +7,17 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import wraps
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import say, tell
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 _RESET = "\x1b[0m"
 # bold red, bold yellow, bold cyan: the first eight colours, which every terminal has
@@ -78,6 +84,13 @@ def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     if report.failed:
         return BAD_INPUT
     return NO if report.refused else DONE
+
+
+def asked_for(kind: type[T], call: argparse.Namespace, **others: object) -> T:
+    """Return what a call asks for as a dataclass, the arguments by their names."""
+    names = {field.name for field in fields(kind)}
+    given: dict[str, Any] = {k: v for k, v in vars(call).items() if k in names}
+    return kind(**{**given, **others})
 
 
 def answered(command: Command) -> Callable[[argparse.Namespace], int]:

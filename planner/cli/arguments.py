@@ -119,6 +119,18 @@ def _add_format(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_jobs(parser: argparse.ArgumentParser, says: str) -> None:
+    """Add over how many processes work is spread."""
+    allowed = "a whole number from 1 to 256"
+    parser.add_argument("--jobs", type=asked(count, allowed), default=1, help=says)
+
+
+def _add_image_error(parser: argparse.ArgumentParser, says: str) -> None:
+    """Add the error of images that is aimed at."""
+    converted = asked(share, "a number above 0, at most 1")
+    parser.add_argument("--max-image-error", type=converted, help=says)
+
+
 def _add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan check`."""
     parser.add_argument("-o", "--out", type=Path, help="folder for a drawing a part")
@@ -128,17 +140,11 @@ def _add_check(parser: argparse.ArgumentParser) -> None:
 def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
-    parser.add_argument(
-        "--jobs",
-        type=asked(count, "a whole number from 1 to 256"),
-        default=1,
-        help="worker processes",
-    )
+    _add_jobs(parser, "worker processes")
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="aimed at, of unit contrast: above 0, at most 1; default: the task's",
+    _add_image_error(
+        parser,
+        "aimed at, of unit contrast: above 0, at most 1; default: the task's",
     )
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
     parser.add_argument(
@@ -169,10 +175,9 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--magnification", type=float, help="default: as compiled")
     parser.add_argument("--focus-um", type=float, help="world height in focus")
     parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="law and sampling that keep it at this focus, sampling alone with --model;"
+    _add_image_error(
+        parser,
+        "law and sampling that keep it at this focus, sampling alone with --model;"
         " with --trial as for compile",
     )
     parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
@@ -192,16 +197,10 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
         help="compile the whole task by preset, trials, frames, zoom, each with its "
         "usual values or those given: preset,trials=24:304",
     )
-    parser.add_argument(
-        "--jobs",
-        type=asked(count, "a whole number from 1 to 256"),
-        default=1,
-        help="with --vary: processes",
-    )
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="what may be chosen; default: the task's",
+    _add_jobs(parser, "with --vary: processes")
+    _add_image_error(
+        parser,
+        "what may be chosen; default: the task's",
     )
     parser.add_argument(
         "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"

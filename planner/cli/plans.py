@@ -5,22 +5,31 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from microplan.planner.cli.answering import DONE, NO, answer, answered, refuse
+from microplan.planner.cli.answering import (
+    DONE,
+    NO,
+    answer,
+    answered,
+    asked_for,
+    refuse,
+)
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.schemas.page.console import say, tell
 
 if TYPE_CHECKING:
-    from microplan.planner.diff.diffing import DiffCall, Difference
+    from microplan.planner.diff.diffing import Difference
 
 
 def diff(call: argparse.Namespace) -> int:
     """Compare two plans: 0 for the same, 1 for different."""
     from microplan.planner.diff.change_text import findings_of, headline, verdicts_text
+    from microplan.planner.diff.diffing import DiffCall
     from microplan.planner.diff.diffing import diff as compared
 
-    report = Report()
+    report, pictures = Report(), not call.no_images
+    asked = asked_for(DiffCall, call, rules=call.tolerance, pictures=pictures)
     try:
-        found = compared(_diff_call(call))
+        found = compared(asked)
     except CallError as error:
         refuse(call, report, error)
         return answer(call, report, "")
@@ -32,19 +41,6 @@ def diff(call: argparse.Namespace) -> int:
     report.found += findings_of(found.changes, found.failing, str(call.new))
     said = f"{headline(found.changes)}\n{verdicts_text(found.old, found.new)}"
     return answer(call, report, said)
-
-
-def _diff_call(call: argparse.Namespace) -> DiffCall:
-    """Return which plans are compared, and how strictly."""
-    from microplan.planner.diff.diffing import DiffCall
-
-    return DiffCall(
-        old=call.old,
-        new=call.new,
-        rules=call.tolerance,
-        fail_on=call.fail_on,
-        pictures=not call.no_images,
-    )
 
 
 def _differences(call: argparse.Namespace, found: Difference) -> str:
@@ -63,14 +59,7 @@ def export(call: argparse.Namespace, report: Report) -> str:
     from microplan.planner.export.export import ExportCall
     from microplan.planner.export.export import export as exported
 
-    asked = ExportCall(
-        plan=call.plan,
-        to=call.to,
-        out=call.out,
-        looks=tuple(call.look),
-        channel=call.channel,
-        overwrite=call.overwrite,
-    )
+    asked = asked_for(ExportCall, call, looks=tuple(call.look))
     return exported(asked, report)
 
 

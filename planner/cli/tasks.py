@@ -6,12 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from microplan.planner.cli.answering import answered, tell_progress
+from microplan.planner.cli.answering import answered, asked_for, tell_progress
 from microplan.planner.source.diagnostics import Report
 
 if TYPE_CHECKING:
     from microplan.planner.task.task import Task
-    from microplan.planner.tradeoff.preview import RenderCall
 
 
 @answered
@@ -38,26 +37,12 @@ def check(call: argparse.Namespace, report: Report) -> str:
 def render(call: argparse.Namespace, report: Report) -> str:
     """Render one step's image to a file."""
     from microplan.planner.task.read_task import load_task
-    from microplan.planner.tradeoff.preview import render_step
+    from microplan.planner.tradeoff.preview import RenderCall, render_step
 
     task = load_task(call.task, report)
-    return "" if task is None else render_step(task, _render_call(call), report)
-
-
-def _render_call(call: argparse.Namespace) -> RenderCall:
-    """Return which image is asked for."""
-    from microplan.planner.tradeoff.preview import RenderCall
-
-    return RenderCall(
-        step=call.step,
-        magnification=call.magnification,
-        focus_um=call.focus_um,
-        model=call.model,
-        max_image_error=call.max_image_error,
-        noise=call.noise,
-        trial=call.trial,
-        out=call.out,
-    )
+    if task is None:
+        return ""
+    return render_step(task, asked_for(RenderCall, call), report)
 
 
 @answered
@@ -77,11 +62,7 @@ def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) ->
     """Render the images of steps in several ways."""
     from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
 
-    asked = TradeoffCall(
-        step=call.step,
-        max_image_error=call.max_image_error,
-        out=_tradeoff_folder(call, task),
-    )
+    asked = asked_for(TradeoffCall, call, out=_tradeoff_folder(call, task))
     return write_tradeoff(task, asked, report, _progress)
 
 
@@ -89,12 +70,7 @@ def _tradeoff_of_task(call: argparse.Namespace, task: Task) -> str:
     """Compile a whole task in several ways."""
     from microplan.planner.tradeoff.task_tradeoff import TaskCall, write_task_tradeoff
 
-    asked = TaskCall(
-        vary=call.vary,
-        jobs=call.jobs,
-        max_image_error=call.max_image_error,
-        out=_tradeoff_folder(call, task),
-    )
+    asked = asked_for(TaskCall, call, out=_tradeoff_folder(call, task))
     return write_task_tradeoff(task, asked, _progress)
 
 

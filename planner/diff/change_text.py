@@ -25,6 +25,7 @@ _ENTRIES: Mapping[str, Sequence[str]] = {
     "bias_um": _XY, "fallback_bias_um": _XY, "offset_um": _XY, "theta_axis_um": _XY,
     "field_um": ("width", "height"), "covariance_um2": ("xx", "xy", "yy"),
 }  # fmt: skip
+_TOLD = ("where", "kind", "old", "new", "unit", "says", "trend")  # of a change
 _ELSEWHERE = "worked out for other sizes, so that its points do not compare"
 
 
@@ -95,15 +96,7 @@ def changes_json(
             for key, (_, plan) in (("old", old), ("new", new))
         },
         "changes": [
-            {
-                "where": change.where,
-                "kind": change.kind,
-                "old": change.old,
-                "new": change.new,
-                "unit": change.unit,
-                "says": change.says,
-                "trend": change.trend,
-            }
+            {name: getattr(change, name) for name in _TOLD}
             for change in causes_first(changes)
         ],
     }

@@ -18,7 +18,7 @@ from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.files.evidence import LookScene, Scenes
-from microplan.schemas.files.world import World, WorldOutline, WorldRing
+from microplan.schemas.files.world import World, WorldRing
 from microplan.schemas.plan import Look, Plan, Step
 
 T = TypeVar("T")
@@ -153,17 +153,10 @@ def _viewed(
 
 def _outlines(world: World, file: Path) -> dict[str, Outline]:
     """Return the outline of every body by its name in a scene."""
-    drawn: dict[str, WorldOutline] = {}
-    for part in world.parts:
-        drawn[part.name] = part.outline
-        drawn.update({post.name: post.outline for post in part.posts})
-    for tool in world.tools:
-        drawn[f"{tool.name}.left"] = tool.left
-        drawn[f"{tool.name}.right"] = tool.right
     try:
         return {
             name: Outline(rings=tuple(_ring(ring) for ring in outline.rings))
-            for name, outline in drawn.items()
+            for name, outline in world.outlines.items()
         }
     except ValueError as error:
         raise ExportError("MP721", f"{file}: {error}", file) from error

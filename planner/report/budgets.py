@@ -46,17 +46,19 @@ def budget_figures(plan: Plan, step: Step) -> Iterator[Element]:
                    _allowed(step))  # fmt: skip
 
 
-def offenders_table(plan: Plan, step: Step, offenders: tuple[Offender, ...]) -> Element:
-    """Return terms with what halving each would give, and the cheapest fix."""
+def offenders_table(
+    plan: Plan, step: Step, offenders: tuple[Offender, ...], *, label: str = ""
+) -> Element:
+    """Return error terms with what halving each would give, and the cheapest fix."""
     columns = (
-        Column("term"), Column("one sigma", numeric=True),
+        Column("error term"), Column("one sigma", numeric=True),
         Column("P if halved", numeric=True), Column("cheapest fix"),
     )  # fmt: skip
     rows = [
         [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
         for o in offenders
     ]
-    return table(columns, rows)
+    return table(columns, rows, label=label)
 
 
 def fix(plan: Plan, step: Step, offender: Offender) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from microplan.planner.report.budgets import fix, yield_figure
+from microplan.planner.report.budgets import offenders_table, yield_figure
 from microplan.planner.report.errors import error_picture
 from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.margins import (
@@ -130,18 +130,11 @@ def _offenders(plan: Plan, found: list[Margin]) -> list[Node]:
     analysis = None if step is None else step.budget.analysis
     if step is None or analysis is None or not analysis.offenders:
         return _tight_looks(found, has_budget=step is not None)
-    columns = (
-        Column("error term"), Column("one sigma", numeric=True),
-        Column("P if halved", numeric=True), Column("cheapest fix"),
-    )  # fmt: skip
-    rows = [
-        [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
-        for o in analysis.offenders[:3]
-    ]
+    worst = offenders_table(plan, step, analysis.offenders[:3], label="Worst offenders")
     return [
         el("h2", f"Three worst offenders of {step.id}, P(success) "
            f"{chance(step.budget.success_probability)}"),
-        table(columns, rows, label="Worst offenders"),
+        worst,
         el("p", _cheapest(plan, step)),
     ]  # fmt: skip
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.store.summary import CONTRAST
-from microplan.schemas.page.elements import Element, Node, el
+from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import degrees, number, um
-from microplan.schemas.page.page import Column, table
+from microplan.schemas.page.page import Column, Row, table
 from microplan.schemas.plan import Look, Plan, Score, Step
 
 
@@ -64,23 +64,19 @@ def _errors(folder: ReportedPlan) -> str:
 def provenance(folder: ReportedPlan) -> Element:
     """Return every version and hash as a table."""
     p = folder.plan.provenance
-    rows: list[list[Node]] = [
+    rows: list[Row] = [
         ["plan.json, SHA-256", el("code", folder.sha256)],
         ["plan format", folder.plan.format_version],
         ["task, normalised", el("code", p.task_sha256)],
         ["workcell, normalised", el("code", p.workcell_sha256)],
-        *(_row(f"drawing of {name}", el("code", digest))
+        *([f"drawing of {name}", el("code", digest)]
           for name, digest in p.drawings_sha256.items()),
         ["seed", str(p.seed)],
         ["preset", p.preset],
         ["images: error aimed at", f"{number(p.max_image_error)} of unit contrast"],
-        *(_row(name, said) for name, said in folder.versions.items()),
+        *([name, said] for name, said in folder.versions.items()),
     ]  # fmt: skip
     return table((Column("what"), Column("value")), rows, label="Provenance")
-
-
-def _row(name: str, value: Node) -> list[Node]:
-    return [name, value]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

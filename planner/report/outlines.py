@@ -55,13 +55,7 @@ class CameraFrame:
 
 def definitions(world: World) -> Element:
     """Return every body's outline once, for `body` to use."""
-    paths = []
-    for part in world.parts:
-        paths.append(_path(part.name, part.outline))
-        paths += [_path(post.name, post.outline) for post in part.posts]
-    for tool in world.tools:
-        paths.append(_path(f"{tool.name}.left", tool.left))
-        paths.append(_path(f"{tool.name}.right", tool.right))
+    paths = [_path(name, outline) for name, outline in world.outlines.items()]
     return el(
         "svg", el("defs", paths), width=0, height=0, aria_hidden="true",
         style="position:absolute",
@@ -74,7 +68,7 @@ def body(
     """Return a body where it stands, in world coordinates; None if nobody knows."""
     owner, _, side = name.partition(".")
     pose = evidence.places.get(owner)
-    if pose is None or name not in _names(world):
+    if pose is None or name not in world.outlines:
         return None
     tool = next((t for t in world.tools if t.name == owner), None)
     if tool is not None:
@@ -143,13 +137,6 @@ def _fingers(tools: Sequence[WorldTool], owner: str) -> list[str]:
         if any(tool.name == owner for tool in tools)
         else []
     )
-
-
-def _names(world: World) -> set[str]:
-    """Return the names of all bodies with an outline."""
-    found = {part.name for part in world.parts}
-    found |= {post.name for part in world.parts for post in part.posts}
-    return found | {f"{t.name}.{s}" for t in world.tools for s in ("left", "right")}
 
 
 def _matrix(pose: Pose) -> str:
