@@ -1,4 +1,4 @@
-"""How a subcommand ends: findings, coloured on a terminal, result, exit status."""
+"""The end of a subcommand: result, findings in colour, exit status."""
 
 from __future__ import annotations
 
@@ -120,6 +120,6 @@ def tell_findings(text: str) -> None:
 
 
 def tell_progress(text: str) -> None:
-    """Say what is being worked on, on a terminal only."""
+    """Print progress, on a terminal only."""
     if sys.stderr.isatty():
         tell(text)

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def asked(convert: Callable[[str], T], allowed: str) -> Callable[[str], T]:
-    """Return a converter of an argument that tells what is allowed."""
+    """Return a converter of an argument whose errors state what is allowed."""
 
     def converted(text: str) -> T:
         try:
@@ -120,7 +120,7 @@ def _add_format(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_jobs(parser: argparse.ArgumentParser, says: str) -> None:
-    """Add over how many processes work is spread."""
+    """Add the number of worker processes."""
     allowed = "a whole number from 1 to 256"
     parser.add_argument("--jobs", type=asked(count, allowed), default=1, help=says)
 

@@ -164,7 +164,7 @@ def _sarif_result(finding: Diagnostic, codes: Sequence[str]) -> dict[str, Any]:
 
 
 def _location(where: Span) -> dict[str, Any]:
-    """Return a place as SARIF has it; file names as relative references."""
+    """Return a position as SARIF has it; file names as relative references."""
     path = quote(PurePath(where.file).as_posix())
     place: dict[str, Any] = {"artifactLocation": {"uri": path}}
     if where.line:

@@ -16,7 +16,7 @@ from microplan.planner.cli.tasks import check, render, tradeoff
 from microplan.schemas.page.console import OutputLostError, flush, say, tell
 
 BUG = 70
-STOPPED = 130  # by Ctrl-C, as shells tell it
+STOPPED = 130  # by Ctrl-C, as shells report it
 _THREADS = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",

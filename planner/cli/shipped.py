@@ -59,7 +59,7 @@ _SCHEMAS = {"task.yaml": "task", "workcell.yaml": "workcell"}
 def write_starter(folder: Path) -> str:
     """Write the example's task, workcell and drawings; return what to do next.
 
-    Beside them lie the schemas of task and workcell, which the first line of each file
+    Next to them are the schemas of task and workcell, which the first line of each file
     names: editors that know YAML's language server explain and check keys by them,
     without a network. Nothing that exists is overwritten.
 

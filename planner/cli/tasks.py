@@ -47,7 +47,7 @@ def render(call: argparse.Namespace, report: Report) -> str:
 
 @answered
 def tradeoff(call: argparse.Namespace, report: Report) -> str:
-    """Measure time and error of every way to compute a task's images."""
+    """Measure time and error of every method of computing a task's images."""
     from microplan.planner.task.read_task import load_task
 
     task = load_task(call.task, report)

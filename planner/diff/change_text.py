@@ -12,11 +12,11 @@ from microplan.planner.store.summary import success
 from microplan.schemas.page.console import one_line
 from microplan.schemas.plan import Plan
 
-FEW = 12  # lines of a kind that are told, unless all are asked for
+FEW = 12  # lines of a kind that are shown, unless all are asked for
 FEW_ALIKE = 2  # places of changes that are alike
 MORE = "--all shows them"
 _THREE, _TWO, _XY = ("least", "as drawn", "most"), ("least", "most"), ("x", "y")
-# what the entries of a list stand for, by its key
+# what the entries of a list mean, by its key
 _ENTRIES: Mapping[str, Sequence[str]] = {
     "clearance_um": _THREE, "capture_um": _THREE,
     "usable_focus_um": _TWO, "usable_magnification": _TWO, "covered_um": _TWO,
@@ -153,7 +153,7 @@ def _sampled(changes: Sequence[PlanChange]) -> dict[str, list[PlanChange]]:
 
 
 def _key(change: PlanChange) -> str:
-    """Return what a value is called, without where it stands in a list."""
+    """Return what a value is called, without its index in a list."""
     keys = [p for p in change.path if not (p.isdigit() or isinstance(p, PathName))]
     return keys[-1] if keys else ""
 
@@ -183,7 +183,7 @@ def _where(change: PlanChange) -> str:
 
 
 def _counted(path: Sequence[str]) -> str:
-    """Return a path, with what an entry of a list stands for where that is known.
+    """Return a path, with the meaning of a list's entry where that is known.
 
     The number stays: tolerances name values by it.
     """

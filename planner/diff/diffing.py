@@ -101,7 +101,7 @@ def has_pictures(golden: Path) -> bool:
 
 
 def renew_golden(folder: Path, golden: Path) -> None:
-    """Put a plan folder, or its plan.json, in the place of the golden one.
+    """Replace the golden plan by a plan folder, or by its plan.json.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def renew_golden(folder: Path, golden: Path) -> None:
 def check_golden(golden: Path) -> None:
     """Raise OutputError if a plan may not be put there: MP701 if it is something else.
 
-    MP702 if that cannot be told.
+    MP702 if that cannot be found out.
     """
     if golden.suffix == ".json":
         check_file(golden)

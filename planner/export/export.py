@@ -1,4 +1,4 @@
-"""`microplan export`: a plan in another tool's format, written and told."""
+"""`microplan export`: a plan written in another tool's format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan folder read for an export: plan, outlines, places, pictures."""
+"""A plan folder read for an export: plan, outlines, poses, pictures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ExportError(CallError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Viewed:
-    """One look, its step, and what stands where."""
+    """One look with its step and its scene."""
 
     step: Step
     look: Look
@@ -42,7 +42,7 @@ class Viewed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedPlan:
-    """A plan, and what else its folder tells of the looks that are exported."""
+    """A plan, with what else its folder holds of the looks that are exported."""
 
     path: Path
     plan: Plan

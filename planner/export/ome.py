@@ -1,4 +1,4 @@
-"""Reference images as OME-TIFF: grey pixels, and what they are in OME-XML."""
+"""Reference images as OME-TIFF: grey pixels, described in OME-XML."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def ome_tiff(folder: ExportedPlan, viewed: Viewed) -> bytes:
     """Return a look's reference image as an OME-TIFF file.
 
     One plane of 8 bit, uncompressed, little-endian. The same plan gives the same
-    bytes: nothing tells the time or the machine.
+    bytes: neither time nor machine is noted.
 
     Raises
     ------

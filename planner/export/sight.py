@@ -1,4 +1,4 @@
-"""Where the camera shows a target's edges, and which of them nothing covers."""
+"""Projection of a target's edges into a look's image; which of them are visible."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class LookProjection:
         )
 
     def covered(self, points: FloatArray) -> BoolArray:
-        """Return which of the world's points (N, 4) lie below a higher body."""
+        """Return which points (N, 4), um, lie below a higher body, (N,) bool."""
         found = np.zeros(len(points), dtype=np.bool_)
         for cover in self.covers:
             found |= shapely.contains_xy(cover, points[:, 0], points[:, 1])
         return found
 
     def framed(self, points: FloatArray) -> BoolArray:
-        """Return which points (N, 4) the frame shows, with room for a filter."""
+        """Return which points (N, 4), um, the frame shows with a margin, (N,) bool."""
         scope, where = self.microscope, self.pixels(points)
         column, row = where[:, 0], where[:, 1]
         low, right = MARGIN_PX, scope.width_px - 1 - MARGIN_PX
@@ -161,7 +161,7 @@ def microscope(folder: ExportedPlan, viewed: Viewed) -> Microscope:
 
 
 def _aperture(world: World, look: Look) -> float:
-    """Return the numerical aperture of a look; ValueError if nobody tells it.
+    """Return the numerical aperture of a look; ValueError if it is not stated.
 
     What the plan says; an older plan says nothing, then on a line between those that
     the cell states, on logarithmic scales.

@@ -1,4 +1,4 @@
-"""The error budget of a step: its terms as bars, what each costs, what mends it."""
+"""The error budget of a step: its terms as bars, their effects, their fixes."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def _crossing(
 
 
 def _here(step: Step, over: str) -> float | None:
-    """Return the plan's own value of what a curve runs over, None if it is not told."""
+    """Return the plan's own value of what a curve runs over, None if it is unknown."""
     if over == "diameter of the shaft" and step.fit is not None:
         return step.fit.shaft_um
     if over == "within_um" and step.placing is not None:
@@ -185,7 +185,7 @@ def _bars(budget: Budget) -> Element:
 
 
 def _caption(step: Step) -> Caption:
-    """Return what stands below the bars."""
+    """Return the caption of the bars."""
     budget = step.budget
     together = total_um(budget)
     kind = {
@@ -211,7 +211,7 @@ def _caption(step: Step) -> Caption:
 def _means(row: BudgetRow) -> str:
     """Return what a term comes from; of what a servo leaves, what would make it less.
 
-    Its source is full of numbers, which stand in the table of all terms.
+    Its source is full of numbers, which are in the table of all terms.
     """
     if not row.term.endswith(LEFT_BY_SERVO):
         return row.source

@@ -1,4 +1,4 @@
-"""Findings of a compile in the report, the facts too."""
+"""Findings of a compile as a table of the report, facts included."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ _MOST_LOOKS = 5  # on the first page, the narrowest
 
 
 def first_page(folder: ReportedPlan) -> Element:
-    """Return the page that stands for the whole plan."""
+    """Return the first page, the summary of the whole plan."""
     plan = folder.plan
     found = margins(plan)
     figures = [_yield(folder), error_picture(folder), _depth(folder)]
@@ -76,7 +76,7 @@ def _step_link(plan: Plan, step: str) -> Node:
 
 
 def _chance(plan: Plan) -> str:
-    """Return the chance of success, or where the plan ends."""
+    """Return the probability of success, or where the plan ends."""
     known = {step.id for step in plan.steps}
     ends = next((r.step for r in plan.reasons if r.step and r.step not in known), None)
     if ends is not None:
@@ -154,7 +154,7 @@ def _cheapest(plan: Plan, step: Step) -> str:
 
 
 def _tight_looks(found: list[Margin], *, has_budget: bool) -> list[Node]:
-    """Return what has the least room where no step has an error budget to tell of."""
+    """Return what has the least room where no step has an error budget."""
     if not found:
         return []
     why = (
@@ -227,7 +227,7 @@ def _share_figure(look: Look, evidence: LookEvidence) -> Element:
 
 
 def _depth(folder: ReportedPlan) -> Element | None:
-    """Return the depth of field beside the focus range that routines stand."""
+    """Return the depth of field compared with the routines' usable focus range."""
     looks = sorted(
         folder.looks,
         key=lambda la: la.measure.usable_focus_um[1] - la.measure.usable_focus_um[0],
@@ -265,7 +265,7 @@ def _depth(folder: ReportedPlan) -> Element | None:
 
 
 def _focus_advice(looks: Sequence[Look]) -> str:
-    """Return the error of focus that all looks stand at the nominal zoom."""
+    """Return the focus error that all looks tolerate at the nominal zoom."""
     low = max(look.measure.usable_focus_um[0] for look in looks)
     high = min(look.measure.usable_focus_um[1] for look in looks)
     if low > high:

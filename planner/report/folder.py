@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedPlan:
-    """A plan with the files beside it."""
+    """A plan with the other files of its folder."""
 
     plan: Plan
     sha256: str  # of plan.json
@@ -117,7 +117,7 @@ def _typed(kind: type[T], folder: Path, name: str) -> T | None:
 
 
 def _versions(folder: Path) -> dict[str, str]:
-    """Return the versions of what made the plan, none if nobody noted them."""
+    """Return the versions of what made the plan, none if they are not noted."""
     data = _json(folder, "inputs.json")
     found = data.get("versions") if isinstance(data, dict) else None
     if not isinstance(found, dict):

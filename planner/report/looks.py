@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def ledger(rows: Sequence[EffectRow], of: str) -> Element | None:
-    """Return the effects of a look or step, what is beyond its limit told first."""
+    """Return the effects of a look or step, those beyond their limits counted first."""
     if not rows:
         return None
     over = sum(_is_over(row) for row in rows)
@@ -117,7 +117,7 @@ def _apertures(look: Look) -> tuple[ApertureRow, ...]:
 
 
 def _measured(look: Look, placed: set[str]) -> Element:
-    """Return the features measured, with links to their places in the picture."""
+    """Return the features measured, with links to their positions in the picture."""
     columns = (
         Column("measured"), Column("routines"), Column("if they fail"),
         Column("one sigma", numeric=True), Column("searched within", numeric=True),
@@ -136,7 +136,7 @@ def _measured(look: Look, placed: set[str]) -> Element:
 
 
 def _bodies(look: Look, placed: set[str]) -> Element:
-    """Return what is in view, the highest first, with links to its places."""
+    """Return what is in view, the highest first, with links to its positions."""
     shades = {shade.by: shade for shade in look.scene.shades}
     rows: list[list[Node]] = []
     for layer in sorted(look.scene.layers, key=lambda la: (-la.z_um, la.name)):
@@ -159,5 +159,5 @@ def _bodies(look: Look, placed: set[str]) -> Element:
 
 
 def _named(look: Look, name: str, place: str, placed: set[str]) -> Node:
-    """Return a name, as a link where it has a place in the picture."""
+    """Return a name, as a link where it has a position in the picture."""
     return link(name, place_id(look, place)) if place in placed else name

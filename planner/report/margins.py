@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.store.summary import CONTRAST
-from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.elements import Element, Node, el
 from microplan.schemas.page.figures import degrees, number, um
 from microplan.schemas.page.page import Column, Row, table
 from microplan.schemas.plan import Look, Plan, Score, Step
@@ -69,14 +69,18 @@ def provenance(folder: ReportedPlan) -> Element:
         ["plan format", folder.plan.format_version],
         ["task, normalised", el("code", p.task_sha256)],
         ["workcell, normalised", el("code", p.workcell_sha256)],
-        *([f"drawing of {name}", el("code", digest)]
+        *(_row(f"drawing of {name}", el("code", digest))
           for name, digest in p.drawings_sha256.items()),
         ["seed", str(p.seed)],
         ["preset", p.preset],
         ["images: error aimed at", f"{number(p.max_image_error)} of unit contrast"],
-        *([name, said] for name, said in folder.versions.items()),
+        *(_row(name, said) for name, said in folder.versions.items()),
     ]  # fmt: skip
     return table((Column("what"), Column("value")), rows, label="Provenance")
+
+
+def _row(name: str, value: Node) -> Row:
+    return [name, value]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Bodies as they are drawn, and where they stand in a picture: SVG in its pixels."""
+"""Outlines of bodies, drawn at their poses in a picture: SVG in its pixels."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def definitions(world: World) -> Element:
 def body(
     world: World, evidence: LookEvidence, name: str, **attributes: str
 ) -> Element | None:
-    """Return a body where it stands, in world coordinates; None if nobody knows."""
+    """Return a body at its pose, in world coordinates; None if that is unknown."""
     owner, _, side = name.partition(".")
     pose = evidence.places.get(owner)
     if pose is None or name not in world.outlines:

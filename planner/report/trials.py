@@ -1,4 +1,4 @@
-"""What the trials of a look showed: where it holds, what was tried, what it costs."""
+"""Results of a look's trials: robustness, accuracy, cost, rejected chains."""
 
 from __future__ import annotations
 

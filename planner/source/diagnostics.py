@@ -108,7 +108,7 @@ TITLES: Mapping[str, str] = {
     "MP722": "exported plan is infeasible",
 }
 
-IN_TURN = frozenset({"MP710"})  # told by what they are about, causes first
+IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
 MOST_WORDS = (
     1000  # characters of a message or hint: names in files may be of any length
@@ -121,7 +121,7 @@ Severity = Literal["error", "infeasible", "different", "warning", "note"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A place in a file; line and column count from 1, line 0 means the whole file."""
+    """A position in a file; line and column count from 1, line 0 is the whole file."""
 
     file: str  # as the user named it
     line: int = 0
@@ -234,7 +234,7 @@ class Report:
 
 
 def render_text(diagnostic: Diagnostic) -> str:
-    """Return the finding as text: headline, place, source line and caret."""
+    """Return the finding as text: headline, position, source line, caret."""
     d, where = diagnostic, diagnostic.where
     lines = [f"{d.severity}[{d.code}]: {d.message}"]
     if not where.line:
@@ -252,7 +252,7 @@ def render_text(diagnostic: Diagnostic) -> str:
 
 
 def render_line(diagnostic: Diagnostic) -> str:
-    """Return the finding as one line of text: kind, code, place, message."""
+    """Return the finding as one line of text: kind, code, position, message."""
     d, where = diagnostic, diagnostic.where
     at = f"{where.file}:{where.line}:{where.column}" if where.line else where.file
     return f"{d.severity}[{d.code}] {at} {d.message}"
@@ -264,7 +264,7 @@ def _excerpt(where: Span) -> tuple[str, str]:
     first = max(at - EXCERPT // 2, 0) if len(where.text) > EXCERPT else 0
     shown = where.text[first : first + EXCERPT]
     length = min(max(where.length, 1), max(len(shown) - (at - first), 1))
-    # a tab stays a tab, so that the caret stands where the terminal puts the text
+    # a tab stays a tab, so that the caret is where the terminal puts the text
     before = shown[: at - first]
     indent = "".join("\t" if char == "\t" else " " for char in before)
     head = "... " if first else ""

@@ -1,4 +1,4 @@
-"""Files of a task that were saved: they hold something else than what was read."""
+"""Saved files of a task: their contents differ from what was read."""
 
 from __future__ import annotations
 

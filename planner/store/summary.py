@@ -26,7 +26,7 @@ def plan_summary(plan: Plan) -> str:
 
 
 def success(plan: Plan) -> str:
-    """Return the chance of success, as terminals and pages show it."""
+    """Return the probability of success, as terminals and pages show it."""
     known = _ends_before(plan) is None
     return chance(plan.success_probability) if known else "not worked out"
 
@@ -38,7 +38,7 @@ def _ends_before(plan: Plan) -> str | None:
 
 
 def _chance(plan: Plan) -> str:
-    """Return the chance of success, or where the plan ends before it is known."""
+    """Return the probability of success, or where the plan ends before it is known."""
     ends = _ends_before(plan)
     if ends is not None:
         return f"ends before {ends!r}, so that P(success) is not worked out"
@@ -47,7 +47,7 @@ def _chance(plan: Plan) -> str:
 
 
 def _left_out(plan: Plan) -> list[str]:
-    """Return which grasps are not known to hold: nobody knows how likely that is."""
+    """Return which grasps are not known to hold: their probability is unknown."""
     doubtful = [
         f"{step.id} ({step.grasp.verdict})"
         for step in plan.steps

@@ -1,4 +1,4 @@
-"""A whole compile that need not be made again: nothing that it read has changed."""
+"""A cached compile: reused while no file that it read has changed."""
 
 from __future__ import annotations
 
