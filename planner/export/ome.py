@@ -100,7 +100,7 @@ def _instrument(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
 
 
 def _image(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
-    """Add the image, its pixels' size, its light and where it was taken."""
+    """Add the image with its objective, its pixels and the link to its notes."""
     look, optics = viewed.look, folder.world.optics
     image = ET.SubElement(root, "Image", ID="Image:0", Name=look.id)
     ET.SubElement(
@@ -116,6 +116,13 @@ def _image(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
         Medium=_medium(optics.medium_index),
         RefractiveIndex=_number(optics.medium_index),
     )
+    _pixels(image, folder, viewed)
+    ET.SubElement(image, "AnnotationRef", ID="Annotation:0")
+
+
+def _pixels(image: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
+    """Add the pixels' size, the light, and where the image was taken."""
+    look, optics = viewed.look, folder.world.optics
     size = _number(look.view.um_per_px)
     pixels = ET.SubElement(
         image,
@@ -163,7 +170,6 @@ def _image(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
         PositionZ=_number(look.view.focus_um),
         PositionZUnit="\N{MICRO SIGN}m",
     )
-    ET.SubElement(image, "AnnotationRef", ID="Annotation:0")
 
 
 def _notes(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:

@@ -17,7 +17,7 @@ from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline, Ring, place
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.shapes import polygon
-from microplan.planner.export.folder import ExportedPlan, ExportError, Viewed
+from microplan.planner.export.folder import ExportedPlan, Viewed, unfit
 from microplan.schemas.files.evidence import PlacedBody
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Look
@@ -98,7 +98,7 @@ def sight_of(folder: ExportedPlan, viewed: Viewed) -> LookProjection:
         )
     except (ValueError, shapely.errors.GEOSException) as error:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file}: {error}", file) from error
+        raise unfit(f"{file}: {error}", file) from error
 
 
 def _covers(
@@ -131,7 +131,7 @@ def target_rings(folder: ExportedPlan, viewed: Viewed) -> list[tuple[str, Ring]]
         found += [(name, ring) for ring in rings]
     if not found:
         file = folder.path / "scenes.json"
-        raise ExportError("MP721", f"{file}: {target.name!r} has no edges", file)
+        raise unfit(f"{file}: {target.name!r} has no edges", file)
     return found
 
 
@@ -157,7 +157,7 @@ def microscope(folder: ExportedPlan, viewed: Viewed) -> Microscope:
         )
     except ValueError as error:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file}: {error}", file) from error
+        raise unfit(f"{file}: {error}", file) from error
 
 
 def _aperture(world: World, look: Look) -> float:
@@ -185,12 +185,12 @@ def body_of(folder: ExportedPlan, viewed: Viewed, name: str) -> PlacedBody:
         if body.name == name:
             return body
     file = folder.path / "scenes.json"
-    raise ExportError("MP721", f"{file}: look {viewed.look.id!r} has no {name!r}", file)
+    raise unfit(f"{file}: look {viewed.look.id!r} has no {name!r}", file)
 
 
 def _outline(folder: ExportedPlan, name: str) -> Outline:
     """Return a body's outline in its own frame; MP721 if the world has none."""
     if name not in folder.outlines:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file} has no outline of {name!r}", file)
+        raise unfit(f"{file} has no outline of {name!r}", file)
     return folder.outlines[name]

@@ -14,6 +14,7 @@ from microplan.planner.report.margins import (
     needed_probability,
 )
 from microplan.planner.report.steps import left_out, step_id
+from microplan.planner.store.summary import ends_before
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
 from microplan.schemas.page.axes import AxisScale, ChartField, around
@@ -77,8 +78,7 @@ def _step_link(plan: Plan, step: str) -> Node:
 
 def _chance(plan: Plan) -> str:
     """Return the probability of success, or where the plan ends."""
-    known = {step.id for step in plan.steps}
-    ends = next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+    ends = ends_before(plan)
     if ends is not None:
         return f"the plan ends before {ends}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {number(plan.success_goal)}"

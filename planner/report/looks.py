@@ -12,12 +12,12 @@ from microplan.planner.report.pictures import (
     place_id,
     trial_pictures,
 )
-from microplan.planner.report.trials import accuracy, rejected, robustness
+from microplan.planner.report.trials import accuracy, chain_of, rejected, robustness
 from microplan.planner.store.summary import EFFECTS
 from microplan.schemas.page.elements import Element, Node, el, slug
 from microplan.schemas.page.figures import degrees, number, quantity, seconds, span, um
 from microplan.schemas.page.page import Column, facts, link, more, table
-from microplan.schemas.plan import EffectRow, Look, Measure
+from microplan.schemas.plan import EffectRow, Look
 from microplan.schemas.plan.views import ApertureRow
 
 _COLUMNS = (
@@ -81,11 +81,6 @@ def look_section(folder: ReportedPlan, look: Look) -> Element:
         ]
     )
     return el("section", list(content), id=look_id(look))
-
-
-def chain_of(measure: Measure) -> str:
-    """Return the routines that measure a feature."""
-    return " > ".join(use.id for use in measure.chain)
 
 
 def _facts(look: Look) -> Element:

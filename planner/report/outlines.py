@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from microplan.schemas.files.evidence import FeatureMark, LookEvidence
-from microplan.schemas.files.world import World, WorldOutline, WorldTool
+from microplan.schemas.files.world import World, WorldOutline
 from microplan.schemas.page.elements import Element, el, slug
 from microplan.schemas.plan import Look, Plan
 from microplan.schemas.pose import Pose
@@ -84,7 +84,8 @@ def feature(
     """Yield what a feature looks like, in world coordinates."""
     p, owner = mark.parameters, mark.name.partition(".")[0]
     if world is not None and mark.kind in ("outline", "jaws"):
-        names = [owner] if mark.kind == "outline" else _fingers(world.tools, owner)
+        jaws = [f"{owner}.left", f"{owner}.right"]
+        names = [owner] if mark.kind == "outline" else jaws
         yield from (u for n in names if (u := body(world, evidence, n)) is not None)
     yield el("g", [*_shape(mark.kind, p), _cross(_size_um(p))],
              transform=_matrix(mark.pose))  # fmt: skip
@@ -129,14 +130,6 @@ def _size_um(values: Mapping[str, float]) -> float:
     names = ("radius_um", "bore_um", "outer_um", "extent_um", "opening_um")
     first = next((values[n] for n in names if n in values), 0.0)
     return max(first / 6, _FAR)
-
-
-def _fingers(tools: Sequence[WorldTool], owner: str) -> list[str]:
-    return (
-        [f"{owner}.left", f"{owner}.right"]
-        if any(tool.name == owner for tool in tools)
-        else []
-    )
 
 
 def _matrix(pose: Pose) -> str:

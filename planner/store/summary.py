@@ -27,11 +27,11 @@ def plan_summary(plan: Plan) -> str:
 
 def success(plan: Plan) -> str:
     """Return the probability of success, as terminals and pages show it."""
-    known = _ends_before(plan) is None
+    known = ends_before(plan) is None
     return chance(plan.success_probability) if known else "not worked out"
 
 
-def _ends_before(plan: Plan) -> str | None:
+def ends_before(plan: Plan) -> str | None:
     """Return the step that a plan ends before, None if it has them all."""
     known = {step.id for step in plan.steps}
     return next((r.step for r in plan.reasons if r.step and r.step not in known), None)
@@ -39,7 +39,7 @@ def _ends_before(plan: Plan) -> str | None:
 
 def _chance(plan: Plan) -> str:
     """Return the probability of success, or where the plan ends before it is known."""
-    ends = _ends_before(plan)
+    ends = ends_before(plan)
     if ends is not None:
         return f"ends before {ends!r}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
