@@ -64,7 +64,8 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
     caption = Caption(
         title="Robustness over focus and magnification",
         shows="In each cell how many of how many trials "
-        f"{chain_of(look.measure)} measured within two tolerances, and below that the largest error; {len(trials)} "
+        f"{chain_of(look.measure)} measured within two tolerances, and "
+        f"below that the largest error; {len(trials)} "
         "trials in all, with light, pose and noise disturbed as well.",
         judge=f"Good, green: all of all, with errors below the tolerance of "
         f"{um(tolerance)}; amber: all of all, with an error beyond it; bad, red: "
