@@ -6,8 +6,8 @@ import argparse
 import math
 from pathlib import Path
 
-from microplan.executor.cli.completion import SHELLS, Completion
 from microplan.executor.simulated.faults import FAULTS
+from microplan.schemas.page.completion import SHELLS, Completion
 from microplan.schemas.page.console import add_version
 
 MODES = ("run", "check", "dry-run", "replay", "compare", "report")

@@ -215,12 +215,12 @@ def method_of(
             found, asked=step.method, method=step.method, reason="the task asks for it"
         )
     if insert is not None:
-        report.note(
+        report.fact(
             "MP612",
             step.spans.get("method", step.where),
             f"step {step.id!r}: aligned by {found.method}: it {found.reason}",
-            "nothing must be done; 'servo' looks after every move, 'look_then_move' "
-            "once: state one as 'method' to decide yourself",
+            "'servo' looks after every move, 'look_then_move' once: state one as "
+            "'method' to decide yourself",
         )
     return found
 

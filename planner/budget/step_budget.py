@@ -79,7 +79,7 @@ def report_handling(
     """Report how a part is held, whether it stays and where, with the numbers."""
     step = here.step
     if placing is not None:
-        report.note("MP615", step.where, placing_words(step.id, placing))
+        report.fact("MP615", step.where, placing_words(step.id, placing))
     if grasp is not None:
         words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}; {_stands(grasp)}"
         if grasp.verdict == "will slip":
@@ -87,8 +87,11 @@ def report_handling(
         elif grasp.room_um < grasp.needed_um:
             hint = "open the jaws further before, or align more finely"
             report.warning("MP614", step.where, words, hint)
+        elif grasp.verdict == "holds":
+            report.fact("MP614", step.where, words)
         else:
-            report.note("MP614", step.where, words)
+            hint = "not in P(success); jaws closed further hold it better"
+            report.note("MP614", step.where, words, hint)
     if release is None:
         return
     words = f"step {step.id!r}: {release.verdict}: {release.reason}"
@@ -98,7 +101,7 @@ def report_handling(
         hint = "add a step 'do: verify' after it"
         report.note("MP613", step.where, words + "; no later step looks", hint)
     else:
-        report.note("MP613", step.where, f"{words}; {release.verified_by!r} looks")
+        report.fact("MP613", step.where, f"{words}; {release.verified_by!r} looks")
 
 
 def _stands(grasp: GraspVerdict) -> str:

@@ -1,4 +1,4 @@
-"""How a subcommand ends: findings, coloured on a terminal, result, exit status."""
+"""The end of a subcommand: result, findings in colour, exit status."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import say, tell
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 _RESET = "\x1b[0m"
 # bold red, bold yellow, bold cyan: the first eight colours, which every terminal has
@@ -61,30 +68,50 @@ def painted(text: str) -> str:
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 
-
-class Coded(Protocol):
-    """An exception with the code of its finding, and the file that it is about."""
-
-    code: str
-    file: str  # "": what cannot be done is said of the task
+Command = Callable[[argparse.Namespace, Report], str]
 
 
 def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     """Print findings and result; return the exit status they amount to."""
     from microplan.planner.cli.findings import render_findings
 
-    out, err = render_findings(report.in_order, result, call.format)
-    tell_findings(err)
-    say(out)
+    found, verbose = report.in_order, call.verbose
+    out, err = render_findings(found, result, call.format, verbose=verbose)
+    try:
+        say(out)
+    finally:  # findings are not lost with a standard output that takes nothing
+        tell_findings(err)
     if report.failed:
         return BAD_INPUT
     return NO if report.refused else DONE
 
 
-def refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
-    """Tell what could not be done with the call itself, beside the findings."""
-    report.error(error.code, Span(file=error.file or call.task), str(error))
-    return answer(call, report, "")
+def asked_for(kind: type[T], call: argparse.Namespace, **others: object) -> T:
+    """Return what a call asks for as a dataclass, the arguments by their names."""
+    names = {field.name for field in fields(kind)}
+    given: dict[str, Any] = {k: v for k, v in vars(call).items() if k in names}
+    return kind(**{**given, **others})
+
+
+def answered(command: Command) -> Callable[[argparse.Namespace], int]:
+    """Return a command that prints what it returns, or why it cannot be done."""
+
+    @wraps(command)
+    def run(call: argparse.Namespace) -> int:
+        report, said = Report(), ""
+        try:
+            said = command(call, report)
+        except CallError as error:
+            refuse(call, report, error)
+        return answer(call, report, said)
+
+    return run
+
+
+def refuse(call: argparse.Namespace, report: Report, error: CallError) -> None:
+    """Add to the findings what could not be done with the call itself."""
+    where = Span(file=error.file or call.task)
+    report.error(error.code, where, str(error), error.hint)
 
 
 def tell_findings(text: str) -> None:
@@ -93,6 +120,6 @@ def tell_findings(text: str) -> None:
 
 
 def tell_progress(text: str) -> None:
-    """Say what is being worked on, on a terminal only."""
+    """Print progress, on a terminal only."""
     if sys.stderr.isatty():
         tell(text)

@@ -12,13 +12,14 @@ from microplan.planner.diff.tolerances import parse_rule
 from microplan.planner.plan.options import AXES, parse_vary
 from microplan.planner.task.presets import PRESETS
 from microplan.schemas.files.json_schema import NAMES
+from microplan.schemas.page.completion import SHELLS
 from microplan.schemas.page.console import add_version
 
 T = TypeVar("T")
 
 
 def asked(convert: Callable[[str], T], allowed: str) -> Callable[[str], T]:
-    """Return a converter of an argument that tells what is allowed."""
+    """Return a converter of an argument whose errors state what is allowed."""
 
     def converted(text: str) -> T:
         try:
@@ -74,6 +75,7 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     add_version(parser)
+    parser.set_defaults(verbose=False)  # of the commands that read no task
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (add, says) in _COMMANDS.items():
         command = commands.add_parser(name, help=says)
@@ -85,6 +87,12 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
 def _add_task(parser: argparse.ArgumentParser) -> None:
     """Add what all commands share that read a task."""
     parser.add_argument("task", help="task.yaml")
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="store_true",
+        help="list the notes that ask for nothing, too, a line each",
+    )
     _add_format(parser)
 
 
@@ -111,6 +119,18 @@ def _add_format(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_jobs(parser: argparse.ArgumentParser, says: str) -> None:
+    """Add the number of worker processes."""
+    allowed = "a whole number from 1 to 256"
+    parser.add_argument("--jobs", type=asked(count, allowed), default=1, help=says)
+
+
+def _add_image_error(parser: argparse.ArgumentParser, says: str) -> None:
+    """Add the error of images that is aimed at."""
+    converted = asked(share, "a number above 0, at most 1")
+    parser.add_argument("--max-image-error", type=converted, help=says)
+
+
 def _add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan check`."""
     parser.add_argument("-o", "--out", type=Path, help="folder for a drawing a part")
@@ -120,17 +140,11 @@ def _add_check(parser: argparse.ArgumentParser) -> None:
 def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
-    parser.add_argument(
-        "--jobs",
-        type=asked(count, "a whole number from 1 to 256"),
-        default=1,
-        help="worker processes",
-    )
+    _add_jobs(parser, "worker processes")
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="aimed at, of unit contrast: above 0, at most 1; default: the task's",
+    _add_image_error(
+        parser,
+        "aimed at, of unit contrast: above 0, at most 1; default: the task's",
     )
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
     parser.add_argument(
@@ -149,11 +163,6 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
     parser.add_argument(
-        "--watch",
-        action="store_true",
-        help="compile again whenever a file of the task changes, until Ctrl-C",
-    )
-    parser.add_argument(
         "--report", action="store_true", help="write report.html in the plan folder too"
     )
     _add_tolerance(parser)
@@ -166,10 +175,9 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--magnification", type=float, help="default: as compiled")
     parser.add_argument("--focus-um", type=float, help="world height in focus")
     parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="law and sampling that keep it at this focus, sampling alone with --model;"
+    _add_image_error(
+        parser,
+        "law and sampling that keep it at this focus, sampling alone with --model;"
         " with --trial as for compile",
     )
     parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
@@ -189,16 +197,10 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
         help="compile the whole task by preset, trials, frames, zoom, each with its "
         "usual values or those given: preset,trials=24:304",
     )
-    parser.add_argument(
-        "--jobs",
-        type=asked(count, "a whole number from 1 to 256"),
-        default=1,
-        help="with --vary: processes",
-    )
-    parser.add_argument(
-        "--max-image-error",
-        type=asked(share, "a number above 0, at most 1"),
-        help="what may be chosen; default: the task's",
+    _add_jobs(parser, "with --vary: processes")
+    _add_image_error(
+        parser,
+        "what may be chosen; default: the task's",
     )
     parser.add_argument(
         "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
@@ -275,15 +277,6 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, help="new, or without these files")
 
 
-def _add_migrate(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan migrate`."""
-    parser.add_argument("task", metavar="file", help="task.yaml or workcell.yaml")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("-o", "--out", type=Path, help="a new file; default: print it")
-    where.add_argument("--in-place", action="store_true", help="replace the file")
-    _add_format(parser)
-
-
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
     parser.add_argument("name", choices=NAMES, help="which file's")
@@ -291,7 +284,7 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _add_completion(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan completion`."""
-    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
+    parser.add_argument("shell", choices=SHELLS, help="whose script")
 
 
 _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
@@ -303,7 +296,6 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),
-    "migrate": (_add_migrate, "rewrite a task of an older format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
     "completion": (_add_completion, "print a completion script for a shell"),

@@ -1,40 +1,34 @@
-"""microplan compile: once, beside a golden plan, or whenever a file changes."""
+"""`microplan compile`: a task into a plan folder, compared with a golden plan."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from microplan.planner.cli.answering import (
     BAD_INPUT,
-    DONE,
     answer,
     refuse,
-    tell_findings,
     tell_progress,
 )
-from microplan.planner.source.diagnostics import Report, Span
-from microplan.schemas.page.console import say, tell
+from microplan.planner.source.diagnostics import CallError, Report, Span
+from microplan.schemas.page.console import tell
 
 if TYPE_CHECKING:
     from microplan.planner.plan.options import Options
     from microplan.planner.store.folder import PlanBytes
-    from microplan.schemas.plan import Plan
 
 
 def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from microplan.planner.diff.diffing import DiffError
-    from microplan.planner.store.folder import OutputError
-
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
         return BAD_INPUT
-    if call.watch:
-        return _watch(call)
     report, said = Report(), ""
     timings: Mapping[str, float] = {}
     try:
@@ -42,10 +36,8 @@ def compile_task(call: argparse.Namespace) -> int:
         if made is not None:
             timings = made[0].timings
             said = _written(call, *made, report)
-    except OutputError as error:
-        return refuse(call, report, error)
-    except DiffError as error:
-        report.error(error.code, Span(file=error.file), str(error))
+    except CallError as error:
+        refuse(call, report, error)
     status = answer(call, report, said)
     if call.timings and timings:
         from microplan.planner.store.summary import times_summary
@@ -89,8 +81,19 @@ def _compiled(
     if files is None:
         return None
     folder = call.out or _beside(call.task, files.name)
-    write_folder(files, folder)
+    write_folder(_with_findings(files, report, Path(call.task).parent), folder)
     return files, folder
+
+
+def _with_findings(made: PlanBytes, report: Report, folder: Path) -> PlanBytes:
+    """Return a plan folder with its findings; files are named as seen from `folder`."""
+    from microplan.planner.store.folder import FINDINGS, json_bytes
+    from microplan.schemas.codec import to_data
+
+    text = json_bytes(to_data(tuple(report.in_order))).decode()
+    here = json.dumps(f"{folder}/", ensure_ascii=False).strip('"')
+    data = text.replace(here, "").encode()
+    return replace(made, files={**made.files, FINDINGS: data})
 
 
 def _options(call: argparse.Namespace) -> Options:
@@ -144,32 +147,3 @@ def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
     words += [] if has_pictures(call.golden) else ["--no-images"]
     stated = ", with the same --tolerance" if call.tolerance else ""
     return f"{shlex.join(words)} shows them{stated}"
-
-
-def _watch(call: argparse.Namespace) -> int:
-    """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
-    from microplan.planner.store.folder import OutputError
-
-    if call.golden is not None or call.format != "text":
-        tell("--watch goes with neither --golden nor --format")
-        return BAD_INPUT
-    try:
-        _rounds(call)
-    except OutputError as error:
-        return refuse(call, Report(), error)
-    return DONE
-
-
-def _rounds(call: argparse.Namespace) -> None:
-    """Compile at every change, and tell what came of each round."""
-    from microplan.planner.cli.findings import render_findings
-    from microplan.planner.cli.watching import last_plan, round_text, watch
-
-    def compiled(report: Report) -> Plan | None:
-        made = _compiled(call, report)
-        return None if made is None else made[0].plan()
-
-    for found in watch(call.task, compiled, last_plan(call.out)):
-        grave = [d for d in found.report.in_order if d.severity != "note"]
-        tell_findings(render_findings(grave, "", "text")[1])
-        say(round_text(found, Path(call.task).parent))

@@ -15,7 +15,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import PurePath
-from typing import Any
+from typing import Any, get_args
 from urllib.parse import quote
 
 from microplan.planner.source.diagnostics import (
@@ -23,9 +23,11 @@ from microplan.planner.source.diagnostics import (
     Diagnostic,
     Severity,
     Span,
+    render_line,
     render_text,
 )
 
+_RANK = {kind: rank for rank, kind in enumerate(get_args(Severity))}
 FORMATS = ("text", "json", "github", "sarif")
 _GITHUB: Mapping[Severity, str] = {
     "error": "error", "infeasible": "error", "different": "error",
@@ -39,7 +41,7 @@ _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
 def render_findings(
-    found: Sequence[Diagnostic], result: str, form: str
+    found: Sequence[Diagnostic], result: str, form: str, *, verbose: bool = False
 ) -> tuple[str, str]:
     """Return what goes to standard output and to standard error.
 
@@ -51,12 +53,23 @@ def render_findings(
         What the command found out, in words; empty after an error.
     form : str
         One of `FORMATS`.
+    verbose : bool
+        Text has the facts too, for which nothing needs to be done; the other forms
+        always have them.
     """
+    if form == "text":
+        return result, _text(found, verbose=verbose)
     return _FORMS[form](found, result)
 
 
-def _text(found: Sequence[Diagnostic], result: str) -> tuple[str, str]:
-    return result, "\n".join(map(render_text, found))
+def _text(found: Sequence[Diagnostic], *, verbose: bool) -> str:
+    """Return what needs action, the gravest first, then the facts or their number."""
+    asking = sorted((d for d in found if d.action), key=lambda d: _RANK[d.severity])
+    facts = [render_line(d) for d in found if not d.action]
+    if facts and not verbose:
+        ask = "1 note asks" if len(facts) == 1 else f"{len(facts)} notes ask"
+        facts = [f"{ask} for nothing: -v shows {'it' if len(facts) == 1 else 'them'}"]
+    return "\n".join([*map(render_text, asking), *facts])
 
 
 def _github(found: Sequence[Diagnostic], result: str) -> tuple[str, str]:
@@ -92,7 +105,7 @@ def _sarif(found: Sequence[Diagnostic], result: str) -> tuple[str, str]:
 
 
 _FORMS: Mapping[str, Callable[[Sequence[Diagnostic], str], tuple[str, str]]] = {
-    "text": _text, "json": _json, "github": _github, "sarif": _sarif,
+    "json": _json, "github": _github, "sarif": _sarif,
 }  # fmt: skip
 
 
@@ -106,6 +119,7 @@ def _plain(finding: Diagnostic) -> dict[str, Any]:
         "title": TITLES.get(finding.code, ""),
         "message": finding.message,
         "hint": finding.hint,
+        "action": finding.action,
         "file": where.file,
         **(placed if where.line else {}),
     }
@@ -150,7 +164,7 @@ def _sarif_result(finding: Diagnostic, codes: Sequence[str]) -> dict[str, Any]:
 
 
 def _location(where: Span) -> dict[str, Any]:
-    """Return a place as SARIF has it; file names as relative references."""
+    """Return a position as SARIF has it; file names as relative references."""
     path = quote(PurePath(where.file).as_posix())
     place: dict[str, Any] = {"artifactLocation": {"uri": path}}
     if where.line:

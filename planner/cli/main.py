@@ -11,18 +11,31 @@ from microplan.planner.cli.answering import BAD_INPUT, DONE
 from microplan.planner.cli.arguments import build_parser
 from microplan.planner.cli.compiling import compile_task
 from microplan.planner.cli.plans import diff, export, report_plan
-from microplan.planner.cli.shipped import explain, init, schema
-from microplan.planner.cli.tasks import check, migrate, render, tradeoff
+from microplan.planner.cli.shipped import codes, explain, init, schema
+from microplan.planner.cli.tasks import check, render, tradeoff
 from microplan.schemas.page.console import OutputLostError, flush, say, tell
 
 BUG = 70
-STOPPED = 130  # by Ctrl-C, as shells tell it
+STOPPED = 130  # by Ctrl-C, as shells report it
 _THREADS = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
     "OPENCV_FOR_THREADS_NUM",
 )
+
+
+# what is no more -> what to use instead; said for this version
+_RETIRED = {
+    ("migrate",): "there is no 'migrate': no older format exists; 'microplan check' "
+    "says what is to be changed in a file",
+    (
+        "compile",
+        "--watch",
+    ): "there is no '--watch': have your editor, or a watcher such "
+    "as watchexec or entr, call 'microplan compile'; unchanged steps come from the "
+    "cache",
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,7 +63,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(argv: Sequence[str] | None) -> int:
     """Do what was asked for; return the exit status."""
     parser = build_parser(_RUNS)
-    if not (sys.argv[1:] if argv is None else argv):
+    words = sys.argv[1:] if argv is None else argv
+    for retired, instead in _RETIRED.items():
+        if tuple(words[:1]) == retired[:1] and set(retired) <= set(words):
+            tell(instead)
+            return BAD_INPUT
+    if not words:
         tell(parser.format_help().rstrip("\n"))  # what can be asked for
         return BAD_INPUT
     try:
@@ -63,10 +81,11 @@ def _status(argv: Sequence[str] | None) -> int:
 
 def _completion(call: argparse.Namespace) -> int:
     """Print a script that completes this command in a shell."""
-    from microplan.planner.cli.completion import script
+    from microplan.schemas.page.completion import script
 
+    parser = build_parser(_RUNS)
     try:
-        say(script(build_parser(_RUNS), call.shell).rstrip("\n"))
+        say(script(parser, call.shell, {"code": codes()}).rstrip("\n"))
     except ImportError:
         tell("completion needs shtab: install microplan[completion]")
         return BAD_INPUT
@@ -76,7 +95,6 @@ def _completion(call: argparse.Namespace) -> int:
 _RUNS = {
     "init": init, "check": check, "compile": compile_task, "render": render,
     "tradeoff": tradeoff, "diff": diff, "export": export, "report": report_plan,
-    "migrate": migrate,
     "explain": explain, "schema": schema, "completion": _completion,
 }  # fmt: skip
 

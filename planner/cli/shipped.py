@@ -59,7 +59,7 @@ _SCHEMAS = {"task.yaml": "task", "workcell.yaml": "workcell"}
 def write_starter(folder: Path) -> str:
     """Write the example's task, workcell and drawings; return what to do next.
 
-    Beside them lie the schemas of task and workcell, which the first line of each file
+    Next to them are the schemas of task and workcell, which the first line of each file
     names: editors that know YAML's language server explain and check keys by them,
     without a network. Nothing that exists is overwritten.
 
@@ -102,8 +102,6 @@ def _files() -> Iterator[tuple[str, bytes]]:
 
 def init(call: argparse.Namespace) -> int:
     """Write a task that compiles into a folder."""
-    from microplan.planner.store.folder import OutputError
-
     try:
         say(write_starter(call.folder))
     except OutputError as error:
@@ -114,7 +112,6 @@ def init(call: argparse.Namespace) -> int:
 
 def explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
-
     if call.code is None:
         listed = (f"{code}  {title}" for code, title in TITLES.items())
         say("\n".join(listed))
@@ -129,9 +126,5 @@ def explain(call: argparse.Namespace) -> int:
 
 def schema(call: argparse.Namespace) -> int:
     """Print a JSON Schema."""
-    import json
-
-    from microplan.schemas.files.json_schema import load
-
     say(json.dumps(load(call.name), indent=2, ensure_ascii=False))
     return DONE

@@ -12,11 +12,11 @@ from microplan.planner.store.summary import success
 from microplan.schemas.page.console import one_line
 from microplan.schemas.plan import Plan
 
-FEW = 12  # lines of a kind that are told, unless all are asked for
+FEW = 12  # lines of a kind that are shown, unless all are asked for
 FEW_ALIKE = 2  # places of changes that are alike
 MORE = "--all shows them"
 _THREE, _TWO, _XY = ("least", "as drawn", "most"), ("least", "most"), ("x", "y")
-# what the entries of a list stand for, by its key
+# what the entries of a list mean, by its key
 _ENTRIES: Mapping[str, Sequence[str]] = {
     "clearance_um": _THREE, "capture_um": _THREE,
     "usable_focus_um": _TWO, "usable_magnification": _TWO, "covered_um": _TWO,
@@ -25,6 +25,7 @@ _ENTRIES: Mapping[str, Sequence[str]] = {
     "bias_um": _XY, "fallback_bias_um": _XY, "offset_um": _XY, "theta_axis_um": _XY,
     "field_um": ("width", "height"), "covariance_um2": ("xx", "xy", "yy"),
 }  # fmt: skip
+_TOLD = ("where", "kind", "old", "new", "unit", "says", "trend")  # of a change
 _ELSEWHERE = "worked out for other sizes, so that its points do not compare"
 
 
@@ -95,15 +96,7 @@ def changes_json(
             for key, (_, plan) in (("old", old), ("new", new))
         },
         "changes": [
-            {
-                "where": change.where,
-                "kind": change.kind,
-                "old": change.old,
-                "new": change.new,
-                "unit": change.unit,
-                "says": change.says,
-                "trend": change.trend,
-            }
+            {name: getattr(change, name) for name in _TOLD}
             for change in causes_first(changes)
         ],
     }
@@ -160,7 +153,7 @@ def _sampled(changes: Sequence[PlanChange]) -> dict[str, list[PlanChange]]:
 
 
 def _key(change: PlanChange) -> str:
-    """Return what a value is called, without where it stands in a list."""
+    """Return what a value is called, without its index in a list."""
     keys = [p for p in change.path if not (p.isdigit() or isinstance(p, PathName))]
     return keys[-1] if keys else ""
 
@@ -190,7 +183,7 @@ def _where(change: PlanChange) -> str:
 
 
 def _counted(path: Sequence[str]) -> str:
-    """Return a path, with what an entry of a list stands for where that is known.
+    """Return a path, with the meaning of a list's entry where that is known.
 
     The number stays: tolerances name values by it.
     """

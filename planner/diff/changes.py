@@ -1,4 +1,4 @@
-"""Differences between plans: what each is about, whether it is for the better."""
+"""Differences between plans: their kind, and their trend for better or worse."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _KINDS: tuple[tuple[str, Kind], ...] = (
     ("steps/*", "prediction"),
 )
 
-# `[0-2]` stands for entries of a list: least, as drawn, most
+# `[0-2]` are entries of a list: least, as drawn, most
 _LESS_IS_BETTER = (
     "*sigma_*", "*bias_um/[01]", "*/bias_[xy]_um", "*worst_um", "*silent*",
     "*expected_s", "*expected_cycles", "*time_s", "*total_s", "*approach_s",
@@ -114,7 +114,7 @@ def _if_it_grows(path: Sequence[str], where: str) -> Trend:
     return ""
 
 
-# causes before what follows from them: the order in which they are told
+# causes before what follows from them: the order in which they are shown
 Kind = Literal[
     "inputs", "steps", "feature", "motion", "choice", "learnt", "feasibility",
     "prediction", "effects", "picture", "evidence", "other",

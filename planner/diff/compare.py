@@ -1,4 +1,4 @@
-"""Two plans side by side: every difference beyond its tolerance."""
+"""Comparison of two plans: every difference beyond its tolerance."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def compare_plans(
     """Return the differences in meaning, in the order of the plans.
 
     Steps, looks, features, effects and the like are matched by what they are called. A
-    plan of an older minor version is compared with what its missing keys stand for.
+    plan of an older minor version is compared with the defaults of its missing keys.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def compare_plans(
     before, after = to_data(old), to_data(new)
     found = [*_moved(before, after, rules)]
     for data in (before, after):
-        for place in data["features"]:  # compared as places, above
+        for place in data["features"]:  # compared as positions, above
             del place["x_um"], place["y_um"]
     found += _differences(before, after, (), rules)
     return tuple(found)
@@ -65,7 +65,7 @@ def _differences(
     rules: Sequence[Rule],
     units: tuple[str, str] = ("", ""),
 ) -> Iterator[PlanChange]:
-    """Yield the differences below `path`; `units` of numbers whose keys tell none."""
+    """Yield the differences below `path`; `units` of numbers whose keys have none."""
     if rule_for(path, rules).ignored:
         return
     if isinstance(old, Mapping) and isinstance(new, Mapping):

@@ -11,6 +11,7 @@ from microplan.planner.diff.changes import Kind, PlanChange
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.pictures import compare_pictures
 from microplan.planner.diff.tolerances import Rule
+from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.folder import (
     check_file,
     check_folder,
@@ -21,12 +22,8 @@ from microplan.schemas.codec import CodecError
 from microplan.schemas.plan import Plan, newer_note, parse_plan
 
 
-class DiffError(Exception):
+class DiffError(CallError):
     """A plan that cannot be compared; carries the code of its finding."""
-
-    def __init__(self, code: str, message: str, file: str) -> None:
-        super().__init__(message)
-        self.code, self.file = code, file
 
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
@@ -104,7 +101,7 @@ def has_pictures(golden: Path) -> bool:
 
 
 def renew_golden(folder: Path, golden: Path) -> None:
-    """Put a plan folder, or its plan.json, in the place of the golden one.
+    """Replace the golden plan by a plan folder, or by its plan.json.
 
     Raises
     ------
@@ -121,7 +118,7 @@ def renew_golden(folder: Path, golden: Path) -> None:
 def check_golden(golden: Path) -> None:
     """Raise OutputError if a plan may not be put there: MP701 if it is something else.
 
-    MP702 if that cannot be told.
+    MP702 if that cannot be found out.
     """
     if golden.suffix == ".json":
         check_file(golden)

@@ -1,4 +1,4 @@
-"""Entries of a plan's lists matched by what they are, never by where they stand."""
+"""Identity of the entries of a plan's lists: matched by name, not by index."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ WHOLE = frozenset({"chain", "fallback"})  # and those that are one choice
 def named(key: str, entries: Sequence[Any]) -> dict[str, Entry] | None:
     """Return a list's entries by identity, None if they go by position.
 
-    Entries of the same identity are told apart by the order in which they come.
+    Entries of the same identity are distinguished by the order in which they come.
     """
     identity = _IDENTITY.get(key)
     if identity is None or not all(isinstance(entry, Mapping) for entry in entries):

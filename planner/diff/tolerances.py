@@ -1,8 +1,8 @@
 """Tolerances of a plan's values, field by field, with their units.
 
 A rule's pattern is matched against the path of a value, as in
-`steps/over_shaft/control/gain`, from its end: `control/gain` stands for every step's.
-`*` stands for anything, also for several parts of a path. The first rule that matches
+`steps/over_shaft/control/gain`, from its end: `control/gain` means every step's.
+`*` matches anything, also for several parts of a path. The first rule that matches
 counts; those that a user states come before the table.
 """
 
@@ -31,7 +31,7 @@ _KEYS: Mapping[str, str] = {
 
 
 def unit_of(path: Sequence[str]) -> str:
-    """Return the unit of the number at a path, "" if its key tells none.
+    """Return the unit of the number at a path, "" if its key has none.
 
     An entry of a list, or one that goes by a name, has the unit of the list's key.
     """
@@ -47,7 +47,7 @@ def unit_of(path: Sequence[str]) -> str:
 
 
 def stated_unit(entry: Mapping[str, Any]) -> str:
-    """Return the unit that an entry states beside its numbers, "" if it states none."""
+    """Return the unit that an entry states for its numbers, "" if it states none."""
     unit = entry.get("unit", "")
     return unit if isinstance(unit, str) and unit != "1" else ""
 
@@ -86,7 +86,7 @@ class Rule:
         return type(old) is type(new) and bool(old == new)
 
 
-# Numbers are written with 6 digits; sums in another order may turn the last ones.
+# Numbers are written with 6 digits; sums in another order may change the last ones.
 EXACT = Rule(pattern="*", relative=1e-4, absolute=1e-6)
 
 # What trials measure may move by one borderline trial of the 24 that `fast` makes.
@@ -101,7 +101,7 @@ _MEASURED = (
 )  # fmt: skip
 
 TABLE: tuple[Rule, ...] = (
-    # checked by what they stand for, or different on every machine
+    # checked by their meaning, or different on every machine
     Rule(pattern="steps/*/key", ignored=True),
     Rule(pattern="scene/image", ignored=True),
     Rule(pattern="image_sha256", ignored=True),

@@ -82,7 +82,7 @@ def report_left_out(file: str, drawn: Drawn, at: Span, report: Report) -> None:
     curved = list(dict.fromkeys(p.handle for p in drawn.pieces if p.curved))
     if curved:
         message = f"{file}: curves became arcs within {CURVE_UM:g} um: "
-        report.note("MP225", at, message + handles_said(curved))
+        report.fact("MP225", at, message + handles_said(curved))
 
 
 def report_size(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from io import StringIO
 
-import numpy as np
+from ezdxf._options import options
+from ezdxf.document import Drawing
 
 from microplan.optics.outline.outline import Arc, Edge, Segment, chords
 from microplan.schemas.files.outlines import (
@@ -27,8 +29,7 @@ APPLICATION = "MICROPLAN"  # whose extended data the polylines carry
 CHORD_PX = 0.02  # sagitta of the chords of arcs: what the finest matching may notice
 MICRONS = 13  # $INSUNITS
 _MOST_TEXT = 255  # bytes of a string in extended data
-
-Tag = tuple[int, object]
+_FIRST = "  9\n$DWGCODEPAGE\n"  # a variable of every header
 
 
 def dxf(outlines: Outlines, look: LookOutlines) -> bytes:
@@ -36,16 +37,36 @@ def dxf(outlines: Outlines, look: LookOutlines) -> bytes:
 
     AutoCAD R12 (AC1009), which is what HALCON's `read_contour_xld_dxf` asks for. Each
     piece is one POLYLINE with the material on its left, on a layer named after its
-    polarity; its extended data hold contrast and polarity.
+    polarity; its extended data hold contrast and polarity. The same look gives the
+    same bytes.
     """
-    tags = [
-        *_comments(outlines, look),
-        *_header(),
-        *_tables(),
-        *_section("ENTITIES", _entities(look)),
-        (0, "EOF"),
-    ]
-    return "".join(f"{code:>3}\n{_value(value)}\n" for code, value in tags).encode()
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True  # neither time nor version
+    try:
+        drawn = _drawn(look)
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+    comments = "".join(f"999\n{_text(line)}\n" for line in _comments(outlines, look))
+    # ezdxf writes no units into R12, though programs read them there
+    units = f"  9\n$INSUNITS\n 70\n{MICRONS}\n{_FIRST}"
+    return f"{comments}{drawn.replace(_FIRST, units, 1)}".encode("ascii")
+
+
+def _drawn(look: LookOutlines) -> str:
+    """Return the text of a drawing with a polyline for each piece."""
+    document = Drawing.new("R12")
+    document.appids.add(APPLICATION)
+    for name, colour in LAYERS.values():
+        document.layers.add(name, color=colour)
+    space, chord_um = document.modelspace(), CHORD_PX * look.um_per_px
+    for piece in look.pieces:
+        corners = [(_digits(x), _digits(y)) for x, y in points_um(piece, chord_um)]
+        layer = {"layer": LAYERS[piece.polarity][0]}
+        line = space.add_polyline2d(corners, close=piece.closed, dxfattribs=layer)
+        line.set_xdata(APPLICATION, _extended(piece))
+    stream = StringIO()
+    document.write(stream)
+    return stream.getvalue()
 
 
 def points_um(piece: EdgePiece, chord_um: float) -> list[tuple[float, float]]:
@@ -74,87 +95,35 @@ def _edge(edge: SegmentEdge | ArcEdge) -> Edge:
     )
 
 
-def _comments(outlines: Outlines, look: LookOutlines) -> Iterator[Tag]:
+def _comments(outlines: Outlines, look: LookOutlines) -> Iterator[str]:
     """Yield what a reader of the file as text wants to know."""
-    pose = look.pose
-    yield 999, f"microplan: look {look.look} of plan {outlines.plan}, simulated"
-    yield 999, f"target {look.target}, its frame, um, y up"
-    yield 999, f"plan {outlines.status}; image sha256 {look.image_sha256}"
-    yield 999, f"{look.um_per_px:.9g} um per px"
+    yield f"microplan: look {look.look} of plan {outlines.plan}, simulated"
+    yield f"target {look.target}, its frame, um, y up"
+    yield f"plan {outlines.status}; image sha256 {look.image_sha256}"
+    yield f"{look.um_per_px:.9g} um per px"
     yield (
-        999,
-        (
-            f"origin at column {look.column_px:.9g} px, row {look.row_px:.9g} px, "
-            f"turned by {math.degrees(pose.theta_rad):.9g} deg"
-        ),
+        f"origin at column {look.column_px:.9g} px, row {look.row_px:.9g} px, "
+        f"turned by {math.degrees(look.pose.theta_rad):.9g} deg"
     )
 
 
-def _header() -> Iterator[Tag]:
-    yield from _section(
-        "HEADER",
-        iter([(9, "$ACADVER"), (1, "AC1009"), (9, "$INSUNITS"), (70, MICRONS)]),
-    )
+def _extended(piece: EdgePiece) -> list[tuple[int, str | float]]:
+    """Return names and values of what is predicted of a piece."""
+    return [
+        (1000, "polarity"), (1000, piece.polarity),
+        (1000, "contrast"), (1040, _digits(piece.contrast)),
+        (1000, "least_contrast"), (1040, _digits(piece.least_contrast)),
+        (1000, "body"), (1000, _text(piece.body)),
+    ]  # fmt: skip
 
 
-def _tables() -> Iterator[Tag]:
-    """Yield the layers, and the name that extended data stand under."""
-    layers: list[Tag] = []
-    for name, colour in LAYERS.values():
-        layers += [(0, "LAYER"), (2, name), (70, 0), (62, colour), (6, "CONTINUOUS")]
-    line: list[Tag] = [(0, "LTYPE"), (2, "CONTINUOUS"), (70, 0), (3, "Solid line")]
-    line += [(72, 65), (73, 0), (40, 0.0)]
-    application: list[Tag] = [(0, "APPID"), (2, APPLICATION), (70, 0)]
-    yield from _section(
-        "TABLES",
-        iter(
-            [
-                *_table("LTYPE", 1, line),
-                *_table("LAYER", len(LAYERS), layers),
-                *_table("APPID", 1, application),
-            ]
-        ),
-    )
+def _digits(value: float) -> float:
+    """Return a number with nine digits: the same on every machine."""
+    return float(f"{value:.9g}") + 0.0
 
 
-def _table(name: str, count: int, rows: list[Tag]) -> list[Tag]:
-    return [(0, "TABLE"), (2, name), (70, count), *rows, (0, "ENDTAB")]
-
-
-def _section(name: str, tags: Iterator[Tag]) -> Iterator[Tag]:
-    yield 0, "SECTION"
-    yield 2, name
-    yield from tags
-    yield 0, "ENDSEC"
-
-
-def _entities(look: LookOutlines) -> Iterator[Tag]:
-    """Yield a polyline a piece."""
-    chord_um = CHORD_PX * look.um_per_px
-    for piece in look.pieces:
-        layer, _ = LAYERS[piece.polarity]
-        yield from ((0, "POLYLINE"), (8, layer), (66, 1))
-        yield from ((10, 0.0), (20, 0.0), (30, 0.0), (70, int(piece.closed)))
-        yield from _extended(piece)
-        for x, y in points_um(piece, chord_um):
-            yield from ((0, "VERTEX"), (8, layer), (10, x), (20, y), (30, 0.0))
-        yield from ((0, "SEQEND"), (8, layer))
-
-
-def _extended(piece: EdgePiece) -> Iterator[Tag]:
-    """Yield names and values of what is predicted of a piece."""
-    yield 1001, APPLICATION
-    yield from ((1000, "polarity"), (1000, piece.polarity))
-    yield from ((1000, "contrast"), (1040, piece.contrast))
-    yield from ((1000, "least_contrast"), (1040, piece.least_contrast))
-    yield from ((1000, "body"), (1000, piece.body))
-
-
-def _value(value: object) -> str:
-    """Return a value as its line has it: numbers with nine digits, text in ASCII."""
-    if isinstance(value, (float, np.floating)):
-        return f"{value + 0.0:.9g}"
-    text = str(value)
+def _text(text: str) -> str:
+    """Return text in ASCII: other characters as R12 has them, \\U+XXXX."""
     plain = "".join(
         c if " " <= c <= "~" else f"\\U+{ord(c):04X}" for c in text if ord(c) < 1 << 16
     )

@@ -1,4 +1,4 @@
-"""`microplan export`: a plan in another tool's format, written and told."""
+"""`microplan export`: a plan written in another tool's format."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from microplan.planner.diff.diffing import plan_file
-from microplan.planner.export.dxf import dxf
 from microplan.planner.export.folder import ExportedPlan, read_folder
-from microplan.planner.export.ome import ome_tiff
 from microplan.planner.export.pieces import look_outlines
 from microplan.planner.export.sequence import sequence, sequence_json, sequence_yaml
 from microplan.planner.export.writing import (
@@ -98,9 +96,13 @@ def _write_each(call: ExportCall, folder: ExportedPlan) -> str:
     ids = [viewed.look.id for viewed in folder.looks]
     names = file_names(ids, _FOLDERS[call.to])
     if call.to == "dxf":
+        from microplan.planner.export.dxf import dxf  # ezdxf takes a second
+
         found = outlines(folder)
         made = [dxf(found, look) for look in found.looks]
     else:
+        from microplan.planner.export.ome import ome_tiff
+
         made = [ome_tiff(folder, viewed) for viewed in folder.looks]
     index = {
         "export": call.to,

@@ -1,9 +1,8 @@
-"""A plan folder read for an export: plan, outlines, places, pictures."""
+"""A plan folder read for an export: plan, outlines, poses, pictures."""
 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,29 +13,31 @@ import numpy as np
 
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
 from microplan.planner.diff.diffing import MOST_BYTES, DiffError, plan_file, read_plan
+from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.files.evidence import LookScene, Scenes
-from microplan.schemas.files.world import World, WorldOutline, WorldRing
+from microplan.schemas.files.world import World, WorldRing
+from microplan.schemas.page.page import png_size
 from microplan.schemas.plan import Look, Plan, Step
 
 T = TypeVar("T")
 
-_PNG = b"\x89PNG\r\n\x1a\n"
 _MOST_PX = 1 << 26  # of a picture: an 8192 x 8192 sensor
 
 
-class ExportError(Exception):
+class ExportError(CallError):
     """Why nothing was exported; carries the code of its finding and the file."""
 
-    def __init__(self, code: str, message: str, file: Path, hint: str = "") -> None:
-        super().__init__(message)
-        self.code, self.file, self.hint = code, str(file), hint
+
+def unfit(message: str, file: Path, hint: str = "") -> ExportError:
+    """Return the error for a file of a plan folder that is missing or does not fit."""
+    return ExportError("MP721", message, file, hint)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Viewed:
-    """One look, its step, and what stands where."""
+    """One look with its step and its scene."""
 
     step: Step
     look: Look
@@ -45,7 +46,7 @@ class Viewed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedPlan:
-    """A plan, and what else its folder tells of the looks that are exported."""
+    """A plan, with what else its folder holds of the looks that are exported."""
 
     path: Path
     plan: Plan
@@ -65,27 +66,25 @@ class ExportedPlan:
         need = self.plan.requirements
         size = (need.width_px, need.height_px)
         if "\0" in look.scene.image:
-            raise ExportError("MP721", f"{file} is no name of a file", file)
+            raise unfit(f"{file} is no name of a file", file)
         if not file.resolve().is_relative_to(self.path.resolve()):
-            raise ExportError("MP721", f"{file} is outside of the plan folder", file)
+            raise unfit(f"{file} is outside of the plan folder", file)
         data = _read(file)
-        if data[:8] != _PNG or len(data) < 24:
-            raise ExportError("MP721", f"{file} is no PNG file", file)
-        found = struct.unpack(">II", data[16:24])
+        try:
+            found = png_size(data)
+        except ValueError:
+            raise unfit(f"{file} is no PNG file", file) from None
         if found != size or size[0] * size[1] > _MOST_PX:
-            raise ExportError(
-                "MP721",
+            raise unfit(
                 f"{file} has {found[0]} x {found[1]} pixels, the plan's camera "
                 f"{size[0]} x {size[1]}",
                 file,
             )
         pixels: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if pixels is None or pixels.dtype != np.uint8 or pixels.ndim != 2:
-            raise ExportError("MP721", f"{file} is no grey picture of 8 bit", file)
+            raise unfit(f"{file} is no grey picture of 8 bit", file)
         if picture_sha256(pixels) != look.scene.image_sha256:
-            raise ExportError(
-                "MP721", f"{file} is not the image that the plan is of", file
-            )
+            raise unfit(f"{file} is not the image that the plan is of", file)
         grey: Picture = pixels
         return grey
 
@@ -148,28 +147,21 @@ def _viewed(
     by_look = {scene.look: scene for scene in scenes.looks}
     for step, look in looks:
         if not min(look.view.um_per_px, look.view.magnification) > 0:
-            raise ExportError("MP721", f"look {look.id!r} has no scale", file)
+            raise unfit(f"look {look.id!r} has no scale", file)
         if look.id not in by_look:
-            raise ExportError("MP721", f"{file} says nothing of look {look.id!r}", file)
+            raise unfit(f"{file} says nothing of look {look.id!r}", file)
         yield Viewed(step=step, look=look, scene=by_look[look.id])
 
 
 def _outlines(world: World, file: Path) -> dict[str, Outline]:
     """Return the outline of every body by its name in a scene."""
-    drawn: dict[str, WorldOutline] = {}
-    for part in world.parts:
-        drawn[part.name] = part.outline
-        drawn.update({post.name: post.outline for post in part.posts})
-    for tool in world.tools:
-        drawn[f"{tool.name}.left"] = tool.left
-        drawn[f"{tool.name}.right"] = tool.right
     try:
         return {
             name: Outline(rings=tuple(_ring(ring) for ring in outline.rings))
-            for name, outline in drawn.items()
+            for name, outline in world.outlines.items()
         }
     except ValueError as error:
-        raise ExportError("MP721", f"{file}: {error}", file) from error
+        raise unfit(f"{file}: {error}", file) from error
 
 
 def _ring(ring: WorldRing) -> Ring:
@@ -195,21 +187,21 @@ def _json(file: Path, kind: type[T]) -> T:
             message = f"{file} does not fit: {error}"
         else:
             message = f"{file} is not JSON: {error}"
-        raise ExportError("MP721", message, file) from error
+        raise unfit(message, file) from error
 
 
 def _read(file: Path) -> bytes:
     """Return a file's bytes, up to a size."""
     try:
         if file.exists() and not file.is_file():
-            raise ExportError("MP721", f"{file} is no regular file", file)
+            raise unfit(f"{file} is no regular file", file)
         with file.open("rb") as stream:
             data = stream.read(MOST_BYTES + 1)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
-        raise ExportError(
-            "MP721", f"cannot read {file}: {why}", file, "compile the task again"
+        raise unfit(
+            f"cannot read {file}: {why}", file, "compile the task again"
         ) from error
     if len(data) > MOST_BYTES:
-        raise ExportError("MP721", f"{file} is larger than {MOST_BYTES} bytes", file)
+        raise unfit(f"{file} is larger than {MOST_BYTES} bytes", file)
     return data

@@ -152,7 +152,7 @@ def _steps(
 
 
 def _response(light: FloatArray, where: FloatArray, width_px: float) -> FloatArray:
-    """Return the step of brightness outwards at places (N, 4) of a picture."""
+    """Return the step of brightness outwards at (N, 4) column, row, normal in px."""
     kernel = edge_kernel(width_px)
     half_px = len(kernel) // 2 * STEP_PX
     found = np.empty(len(where))

@@ -1,4 +1,4 @@
-"""Where the camera shows a target's edges, and which of them nothing covers."""
+"""Projection of a target's edges into a look's image; which of them are visible."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline, Ring, place
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.shapes import polygon
-from microplan.planner.export.folder import ExportedPlan, ExportError, Viewed
+from microplan.planner.export.folder import ExportedPlan, Viewed, unfit
 from microplan.schemas.files.evidence import PlacedBody
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Look
@@ -56,14 +56,14 @@ class LookProjection:
         )
 
     def covered(self, points: FloatArray) -> BoolArray:
-        """Return which of the world's points (N, 4) lie below a higher body."""
+        """Return which points (N, 4), um, lie below a higher body, (N,) bool."""
         found = np.zeros(len(points), dtype=np.bool_)
         for cover in self.covers:
             found |= shapely.contains_xy(cover, points[:, 0], points[:, 1])
         return found
 
     def framed(self, points: FloatArray) -> BoolArray:
-        """Return which points (N, 4) the frame shows, with room for a filter."""
+        """Return which points (N, 4), um, the frame shows with a margin, (N,) bool."""
         scope, where = self.microscope, self.pixels(points)
         column, row = where[:, 0], where[:, 1]
         low, right = MARGIN_PX, scope.width_px - 1 - MARGIN_PX
@@ -98,7 +98,7 @@ def sight_of(folder: ExportedPlan, viewed: Viewed) -> LookProjection:
         )
     except (ValueError, shapely.errors.GEOSException) as error:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file}: {error}", file) from error
+        raise unfit(f"{file}: {error}", file) from error
 
 
 def _covers(
@@ -131,7 +131,7 @@ def target_rings(folder: ExportedPlan, viewed: Viewed) -> list[tuple[str, Ring]]
         found += [(name, ring) for ring in rings]
     if not found:
         file = folder.path / "scenes.json"
-        raise ExportError("MP721", f"{file}: {target.name!r} has no edges", file)
+        raise unfit(f"{file}: {target.name!r} has no edges", file)
     return found
 
 
@@ -157,11 +157,11 @@ def microscope(folder: ExportedPlan, viewed: Viewed) -> Microscope:
         )
     except ValueError as error:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file}: {error}", file) from error
+        raise unfit(f"{file}: {error}", file) from error
 
 
 def _aperture(world: World, look: Look) -> float:
-    """Return the numerical aperture of a look; ValueError if nobody tells it.
+    """Return the numerical aperture of a look; ValueError if it is not stated.
 
     What the plan says; an older plan says nothing, then on a line between those that
     the cell states, on logarithmic scales.
@@ -185,12 +185,12 @@ def body_of(folder: ExportedPlan, viewed: Viewed, name: str) -> PlacedBody:
         if body.name == name:
             return body
     file = folder.path / "scenes.json"
-    raise ExportError("MP721", f"{file}: look {viewed.look.id!r} has no {name!r}", file)
+    raise unfit(f"{file}: look {viewed.look.id!r} has no {name!r}", file)
 
 
 def _outline(folder: ExportedPlan, name: str) -> Outline:
     """Return a body's outline in its own frame; MP721 if the world has none."""
     if name not in folder.outlines:
         file = folder.path / "world.json"
-        raise ExportError("MP721", f"{file} has no outline of {name!r}", file)
+        raise unfit(f"{file} has no outline of {name!r}", file)
     return folder.outlines[name]

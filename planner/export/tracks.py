@@ -1,4 +1,4 @@
-"""Rings by arc length: points, normals, stretches along which something is the same."""
+"""Rings by arc length: points, normals, stretches of equal kind."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from microplan.optics.outline.outline import Arc, Edge, Ring, Segment
 
 IntArray = npt.NDArray[np.int64]
 
-_HALVINGS = 24  # of the way between two samples: 1e-7 of it is left
+_HALVINGS = 24  # of the distance between two samples: 1e-7 of it is left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def runs(kinds: IntArray, least: int) -> list[SampleRun]:
 def border(
     inside: Callable[[FloatArray], BoolArray], within: FloatArray, beyond: FloatArray
 ) -> FloatArray:
-    """Return the last places, (N,), of which `inside` still holds.
+    """Return the last arc lengths, (N,) um, at which `inside` still holds.
 
     It holds at `within` and not at `beyond`, (N,) each; found by bisection.
     """
@@ -89,7 +89,7 @@ def _split(kinds: IntArray) -> list[SampleRun]:
 
 
 def _lost(found: list[SampleRun], least: int) -> list[int]:
-    """Return the shortest runs that stand between two alike, no two of them adjacent.
+    """Return the shortest runs between two alike, no two of them adjacent.
 
     Those of `least` samples and more are never among them.
     """
@@ -114,7 +114,7 @@ LEAST_UM = 1e-6  # of an edge that is left of a cut: below it is rounding
 
 
 class RingTrack:
-    """A ring with the length of the way to each of its edges' ends."""
+    """A ring with the arc length at each of its edges' ends."""
 
     def __init__(self, ring: Ring) -> None:
         self.ring = ring
@@ -155,7 +155,7 @@ class RingTrack:
         return found
 
     def stretch(self, first_um: float, last_um: float) -> tuple[Edge, ...]:
-        """Return the edges from one place along the ring to another.
+        """Return the edges between two arc lengths of the ring.
 
         Parameters
         ----------

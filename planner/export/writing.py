@@ -1,4 +1,4 @@
-"""Exports put in their place: whole or not at all, and over nothing unasked."""
+"""Exports written atomically: whole or not at all, over nothing unasked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def check_free(out: Path, *, folder: bool, overwrite: bool) -> None:
     Raises
     ------
     OutputError
-        MP702 if a folder stands where a file should, or the other way round; MP703 if
+        MP702 if a folder is where a file should be, or the other way round; MP703 if
         there is something already: of an older export only if `overwrite` is False.
     """
     if not os.path.lexists(out):

@@ -1,4 +1,4 @@
-"""The error budget of a step: its terms as bars, what each costs, what mends it."""
+"""The error budget of a step: its terms as bars, their effects, their fixes."""
 
 from __future__ import annotations
 
@@ -46,17 +46,19 @@ def budget_figures(plan: Plan, step: Step) -> Iterator[Element]:
                    _allowed(step))  # fmt: skip
 
 
-def offenders_table(plan: Plan, step: Step, offenders: tuple[Offender, ...]) -> Element:
-    """Return terms with what halving each would give, and the cheapest fix."""
+def offenders_table(
+    plan: Plan, step: Step, offenders: tuple[Offender, ...], *, label: str = ""
+) -> Element:
+    """Return error terms with what halving each would give, and the cheapest fix."""
     columns = (
-        Column("term"), Column("one sigma", numeric=True),
+        Column("error term"), Column("one sigma", numeric=True),
         Column("P if halved", numeric=True), Column("cheapest fix"),
     )  # fmt: skip
     rows = [
         [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
         for o in offenders
     ]
-    return table(columns, rows)
+    return table(columns, rows, label=label)
 
 
 def fix(plan: Plan, step: Step, offender: Offender) -> str:
@@ -147,7 +149,7 @@ def _crossing(
 
 
 def _here(step: Step, over: str) -> float | None:
-    """Return the plan's own value of what a curve runs over, None if it is not told."""
+    """Return the plan's own value of what a curve runs over, None if it is unknown."""
     if over == "diameter of the shaft" and step.fit is not None:
         return step.fit.shaft_um
     if over == "within_um" and step.placing is not None:
@@ -183,7 +185,7 @@ def _bars(budget: Budget) -> Element:
 
 
 def _caption(step: Step) -> Caption:
-    """Return what stands below the bars."""
+    """Return the caption of the bars."""
     budget = step.budget
     together = total_um(budget)
     kind = {
@@ -209,7 +211,7 @@ def _caption(step: Step) -> Caption:
 def _means(row: BudgetRow) -> str:
     """Return what a term comes from; of what a servo leaves, what would make it less.
 
-    Its source is full of numbers, which stand in the table of all terms.
+    Its source is full of numbers, which are in the table of all terms.
     """
     if not row.term.endswith(LEFT_BY_SERVO):
         return row.source

@@ -106,7 +106,7 @@ def _of_budget(folder: ReportedPlan) -> _Spread | None:
 
 
 def _covariance(step: Step) -> Covariance | None:
-    """Return the spread of what a servo cannot see, None if it is not told."""
+    """Return the covariance of what a servo cannot see, um2; None if unknown."""
     analysis = step.budget.analysis
     return None if analysis is None else analysis.covariance_um2
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from microplan.planner.report.budgets import fix, yield_figure
+from microplan.planner.report.budgets import offenders_table, yield_figure
 from microplan.planner.report.errors import error_picture
 from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.margins import (
@@ -14,6 +14,7 @@ from microplan.planner.report.margins import (
     needed_probability,
 )
 from microplan.planner.report.steps import left_out, step_id
+from microplan.planner.store.summary import ends_before
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
 from microplan.schemas.page.axes import AxisScale, ChartField, around
@@ -35,7 +36,7 @@ _MOST_LOOKS = 5  # on the first page, the narrowest
 
 
 def first_page(folder: ReportedPlan) -> Element:
-    """Return the page that stands for the whole plan."""
+    """Return the first page, the summary of the whole plan."""
     plan = folder.plan
     found = margins(plan)
     figures = [_yield(folder), error_picture(folder), _depth(folder)]
@@ -76,9 +77,8 @@ def _step_link(plan: Plan, step: str) -> Node:
 
 
 def _chance(plan: Plan) -> str:
-    """Return the chance of success, or where the plan ends."""
-    known = {step.id for step in plan.steps}
-    ends = next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+    """Return the probability of success, or where the plan ends."""
+    ends = ends_before(plan)
     if ends is not None:
         return f"the plan ends before {ends}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {number(plan.success_goal)}"
@@ -130,18 +130,11 @@ def _offenders(plan: Plan, found: list[Margin]) -> list[Node]:
     analysis = None if step is None else step.budget.analysis
     if step is None or analysis is None or not analysis.offenders:
         return _tight_looks(found, has_budget=step is not None)
-    columns = (
-        Column("error term"), Column("one sigma", numeric=True),
-        Column("P if halved", numeric=True), Column("cheapest fix"),
-    )  # fmt: skip
-    rows = [
-        [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
-        for o in analysis.offenders[:3]
-    ]
+    worst = offenders_table(plan, step, analysis.offenders[:3], label="Worst offenders")
     return [
         el("h2", f"Three worst offenders of {step.id}, P(success) "
            f"{chance(step.budget.success_probability)}"),
-        table(columns, rows, label="Worst offenders"),
+        worst,
         el("p", _cheapest(plan, step)),
     ]  # fmt: skip
 
@@ -161,7 +154,7 @@ def _cheapest(plan: Plan, step: Step) -> str:
 
 
 def _tight_looks(found: list[Margin], *, has_budget: bool) -> list[Node]:
-    """Return what has the least room where no step has an error budget to tell of."""
+    """Return what has the least room where no step has an error budget."""
     if not found:
         return []
     why = (
@@ -234,7 +227,7 @@ def _share_figure(look: Look, evidence: LookEvidence) -> Element:
 
 
 def _depth(folder: ReportedPlan) -> Element | None:
-    """Return the depth of field beside the focus range that routines stand."""
+    """Return the depth of field compared with the routines' usable focus range."""
     looks = sorted(
         folder.looks,
         key=lambda la: la.measure.usable_focus_um[1] - la.measure.usable_focus_um[0],
@@ -272,7 +265,7 @@ def _depth(folder: ReportedPlan) -> Element | None:
 
 
 def _focus_advice(looks: Sequence[Look]) -> str:
-    """Return the error of focus that all looks stand at the nominal zoom."""
+    """Return the focus error that all looks tolerate at the nominal zoom."""
     low = max(look.measure.usable_focus_um[0] for look in looks)
     high = min(look.measure.usable_focus_um[1] for look in looks)
     if low > high:
@@ -298,4 +291,6 @@ def contents(folder: ReportedPlan) -> Iterator[tuple[str, str]]:
     yield "Timeline", "timeline"
     for k, step in enumerate(folder.plan.steps, 1):
         yield f"{k}. {step.id}", step_id(step.id)
+    if folder.findings:
+        yield "Findings", "findings"
     yield "Provenance", "provenance"

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 
 from microplan.planner.diff.diffing import plan_file, read_plan
 from microplan.planner.diff.pictures import decoded
+from microplan.planner.source.diagnostics import Diagnostic
+from microplan.planner.store.folder import FINDINGS
 from microplan.planner.store.pictures import picture_sha256
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.files.evidence import FOLDER, LookEvidence
@@ -26,7 +28,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedPlan:
-    """A plan with the files beside it."""
+    """A plan with the other files of its folder."""
 
     plan: Plan
     sha256: str  # of plan.json
@@ -35,6 +37,7 @@ class ReportedPlan:
     pictures: Mapping[str, bytes]  # PNG files by their path in the folder
     foreign: frozenset[str]  # paths of images that are not those that the plan is of
     versions: Mapping[str, str]  # of what made the plan
+    findings: tuple[Diagnostic, ...]  # of the compile
 
     @property
     def looks(self) -> tuple[Look, ...]:
@@ -70,6 +73,7 @@ def read_folder(path: Path) -> ReportedPlan:
         pictures={name: data for name, data in pictures.items() if name not in foreign},
         foreign=foreign,
         versions=_versions(folder),
+        findings=_typed(tuple[Diagnostic, ...], folder, FINDINGS) or (),
     )
 
 
@@ -113,7 +117,7 @@ def _typed(kind: type[T], folder: Path, name: str) -> T | None:
 
 
 def _versions(folder: Path) -> dict[str, str]:
-    """Return the versions of what made the plan, none if nobody noted them."""
+    """Return the versions of what made the plan, none if they are not noted."""
     data = _json(folder, "inputs.json")
     found = data.get("versions") if isinstance(data, dict) else None
     if not isinstance(found, dict):

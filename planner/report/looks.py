@@ -12,12 +12,12 @@ from microplan.planner.report.pictures import (
     place_id,
     trial_pictures,
 )
-from microplan.planner.report.trials import accuracy, rejected, robustness
+from microplan.planner.report.trials import accuracy, chain_of, rejected, robustness
 from microplan.planner.store.summary import EFFECTS
 from microplan.schemas.page.elements import Element, Node, el, slug
 from microplan.schemas.page.figures import degrees, number, quantity, seconds, span, um
 from microplan.schemas.page.page import Column, facts, link, more, table
-from microplan.schemas.plan import EffectRow, Look, Measure
+from microplan.schemas.plan import EffectRow, Look
 from microplan.schemas.plan.views import ApertureRow
 
 _COLUMNS = (
@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def ledger(rows: Sequence[EffectRow], of: str) -> Element | None:
-    """Return the effects of a look or step, what is beyond its limit told first."""
+    """Return the effects of a look or step, those beyond their limits counted first."""
     if not rows:
         return None
     over = sum(_is_over(row) for row in rows)
@@ -83,11 +83,6 @@ def look_section(folder: ReportedPlan, look: Look) -> Element:
     return el("section", list(content), id=look_id(look))
 
 
-def chain_of(measure: Measure) -> str:
-    """Return the routines that measure a feature."""
-    return " > ".join(use.id for use in measure.chain)
-
-
 def _facts(look: Look) -> Element:
     """Return the look's figures."""
     low, high = look.measure.usable_focus_um
@@ -117,7 +112,7 @@ def _apertures(look: Look) -> tuple[ApertureRow, ...]:
 
 
 def _measured(look: Look, placed: set[str]) -> Element:
-    """Return the features measured, with links to their places in the picture."""
+    """Return the features measured, with links to their positions in the picture."""
     columns = (
         Column("measured"), Column("routines"), Column("if they fail"),
         Column("one sigma", numeric=True), Column("searched within", numeric=True),
@@ -136,7 +131,7 @@ def _measured(look: Look, placed: set[str]) -> Element:
 
 
 def _bodies(look: Look, placed: set[str]) -> Element:
-    """Return what is in view, the highest first, with links to its places."""
+    """Return what is in view, the highest first, with links to its positions."""
     shades = {shade.by: shade for shade in look.scene.shades}
     rows: list[list[Node]] = []
     for layer in sorted(look.scene.layers, key=lambda la: (-la.z_um, la.name)):
@@ -159,5 +154,5 @@ def _bodies(look: Look, placed: set[str]) -> Element:
 
 
 def _named(look: Look, name: str, place: str, placed: set[str]) -> Node:
-    """Return a name, as a link where it has a place in the picture."""
+    """Return a name, as a link where it has a position in the picture."""
     return link(name, place_id(look, place)) if place in placed else name

@@ -10,7 +10,7 @@ from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.store.summary import CONTRAST
 from microplan.schemas.page.elements import Element, Node, el
 from microplan.schemas.page.figures import degrees, number, um
-from microplan.schemas.page.page import Column, table
+from microplan.schemas.page.page import Column, Row, table
 from microplan.schemas.plan import Look, Plan, Score, Step
 
 
@@ -64,7 +64,7 @@ def _errors(folder: ReportedPlan) -> str:
 def provenance(folder: ReportedPlan) -> Element:
     """Return every version and hash as a table."""
     p = folder.plan.provenance
-    rows: list[list[Node]] = [
+    rows: list[Row] = [
         ["plan.json, SHA-256", el("code", folder.sha256)],
         ["plan format", folder.plan.format_version],
         ["task, normalised", el("code", p.task_sha256)],
@@ -79,7 +79,7 @@ def provenance(folder: ReportedPlan) -> Element:
     return table((Column("what"), Column("value")), rows, label="Provenance")
 
 
-def _row(name: str, value: Node) -> list[Node]:
+def _row(name: str, value: Node) -> Row:
     return [name, value]
 
 

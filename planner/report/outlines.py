@@ -1,4 +1,4 @@
-"""Bodies as they are drawn, and where they stand in a picture: SVG in its pixels."""
+"""Outlines of bodies, drawn at their poses in a picture: SVG in its pixels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from microplan.schemas.files.evidence import FeatureMark, LookEvidence
-from microplan.schemas.files.world import World, WorldOutline, WorldTool
+from microplan.schemas.files.world import World, WorldOutline
 from microplan.schemas.page.elements import Element, el, slug
 from microplan.schemas.plan import Look, Plan
 from microplan.schemas.pose import Pose
@@ -55,13 +55,7 @@ class CameraFrame:
 
 def definitions(world: World) -> Element:
     """Return every body's outline once, for `body` to use."""
-    paths = []
-    for part in world.parts:
-        paths.append(_path(part.name, part.outline))
-        paths += [_path(post.name, post.outline) for post in part.posts]
-    for tool in world.tools:
-        paths.append(_path(f"{tool.name}.left", tool.left))
-        paths.append(_path(f"{tool.name}.right", tool.right))
+    paths = [_path(name, outline) for name, outline in world.outlines.items()]
     return el(
         "svg", el("defs", paths), width=0, height=0, aria_hidden="true",
         style="position:absolute",
@@ -71,10 +65,10 @@ def definitions(world: World) -> Element:
 def body(
     world: World, evidence: LookEvidence, name: str, **attributes: str
 ) -> Element | None:
-    """Return a body where it stands, in world coordinates; None if nobody knows."""
+    """Return a body at its pose, in world coordinates; None if that is unknown."""
     owner, _, side = name.partition(".")
     pose = evidence.places.get(owner)
-    if pose is None or name not in _names(world):
+    if pose is None or name not in world.outlines:
         return None
     tool = next((t for t in world.tools if t.name == owner), None)
     if tool is not None:
@@ -90,7 +84,8 @@ def feature(
     """Yield what a feature looks like, in world coordinates."""
     p, owner = mark.parameters, mark.name.partition(".")[0]
     if world is not None and mark.kind in ("outline", "jaws"):
-        names = [owner] if mark.kind == "outline" else _fingers(world.tools, owner)
+        jaws = [f"{owner}.left", f"{owner}.right"]
+        names = [owner] if mark.kind == "outline" else jaws
         yield from (u for n in names if (u := body(world, evidence, n)) is not None)
     yield el("g", [*_shape(mark.kind, p), _cross(_size_um(p))],
              transform=_matrix(mark.pose))  # fmt: skip
@@ -135,21 +130,6 @@ def _size_um(values: Mapping[str, float]) -> float:
     names = ("radius_um", "bore_um", "outer_um", "extent_um", "opening_um")
     first = next((values[n] for n in names if n in values), 0.0)
     return max(first / 6, _FAR)
-
-
-def _fingers(tools: Sequence[WorldTool], owner: str) -> list[str]:
-    return (
-        [f"{owner}.left", f"{owner}.right"]
-        if any(tool.name == owner for tool in tools)
-        else []
-    )
-
-
-def _names(world: World) -> set[str]:
-    """Return the names of all bodies with an outline."""
-    found = {part.name for part in world.parts}
-    found |= {post.name for part in world.parts for post in part.posts}
-    return found | {f"{t.name}.{s}" for t in world.tools for s in ("left", "right")}
 
 
 def _matrix(pose: Pose) -> str:

@@ -1,4 +1,4 @@
-"""The image of a look with what is drawn over it, and images of its trials."""
+"""The image of a look with its overlays; images of its trials."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROOM = 0.12  # of the region, shown around it in the enlarged picture
 
 
 def place_id(look: Look, name: str) -> str:
-    """Return the id of a thing's place in a look's picture."""
+    """Return the id of a thing's position in a look's picture."""
     return slug("at", look.id, name)
 
 
@@ -33,7 +33,7 @@ def image_id(look: Look) -> str:
 
 
 def marked(folder: ReportedPlan, look: Look) -> set[str]:
-    """Return the names of what has a place in a look's picture."""
+    """Return the names of what has a position in a look's picture."""
     evidence, world = folder.evidence.get(look.id), folder.world
     if look.scene.image not in folder.pictures or evidence is None:
         return set()

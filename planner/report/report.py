@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from microplan.planner.diff.diffing import plan_file
+from microplan.planner.report.findings import findings_section
 from microplan.planner.report.first_page import contents, first_page
 from microplan.planner.report.folder import ReportedPlan, read_folder
 from microplan.planner.report.margins import provenance
@@ -37,6 +38,7 @@ def plan_report(folder: ReportedPlan) -> str:
         el("section", el("h2", "Timeline"),
            drawn or el("p", "The plan has no steps."), id="timeline"),
         steps,
+        findings_section(folder.findings),
         el("section", el("h2", "Provenance"), provenance(folder), id="provenance"),
         id="main",
     )  # fmt: skip

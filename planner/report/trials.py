@@ -1,4 +1,4 @@
-"""What the trials of a look showed: where it holds, what was tried, what it costs."""
+"""Results of a look's trials: robustness, accuracy, cost, rejected chains."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from microplan.schemas.page.charts import ChartPoint, legend, scatter
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, signed, um
 from microplan.schemas.page.page import Caption, Column, figure, more, table
-from microplan.schemas.plan import Look, Score
+from microplan.schemas.plan import Look, Measure, Score
 
 _FOCUS_CELLS, _ZOOM_CELLS = 5, 3
 _ROOM = 1.5  # factor of the error axis beyond its largest and least value
@@ -63,8 +63,9 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
     small, large = look.measure.usable_magnification
     caption = Caption(
         title="Robustness over focus and magnification",
-        shows=f"In each cell how many of how many trials {_chain(look)} measured "
-        f"within two tolerances, and below that the largest error; {len(trials)} "
+        shows="In each cell how many of how many trials "
+        f"{chain_of(look.measure)} measured within two tolerances, and "
+        f"below that the largest error; {len(trials)} "
         "trials in all, with light, pose and noise disturbed as well.",
         judge=f"Good, green: all of all, with errors below the tolerance of "
         f"{um(tolerance)}; amber: all of all, with an error beyond it; bad, red: "
@@ -162,8 +163,9 @@ def _score_row(score: Score) -> list[str]:
     ]  # fmt: skip
 
 
-def _chain(look: Look) -> str:
-    return " > ".join(use.id for use in look.measure.chain)
+def chain_of(measure: Measure) -> str:
+    """Return the routines that measure a feature, coarse to fine."""
+    return " > ".join(use.id for use in measure.chain)
 
 
 def _named(score: Score) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike, fspath
 from typing import Literal
 
 # every code and what it says in a few words; each has a page in docs/diagnostics/,
@@ -107,7 +108,7 @@ TITLES: Mapping[str, str] = {
     "MP722": "exported plan is infeasible",
 }
 
-IN_TURN = frozenset({"MP710"})  # told by what they are about, causes first
+IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
 MOST_WORDS = (
     1000  # characters of a message or hint: names in files may be of any length
@@ -120,7 +121,7 @@ Severity = Literal["error", "infeasible", "different", "warning", "note"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A place in a file; line and column count from 1, line 0 means the whole file."""
+    """A position in a file; line and column count from 1, line 0 is the whole file."""
 
     file: str  # as the user named it
     line: int = 0
@@ -138,6 +139,18 @@ class Diagnostic:
     where: Span
     message: str  # the value, the limit, the unit
     hint: str = ""  # how to mend it
+    action: bool = True  # False: a fact, for which nothing needs to be done
+
+
+class CallError(Exception):
+    """Why a command cannot do what it was called for; carries the finding's code."""
+
+    def __init__(
+        self, code: str, message: str, file: str | PathLike[str] = "", hint: str = ""
+    ) -> None:
+        super().__init__(message)
+        # "" for the file: what cannot be done is said of the task
+        self.code, self.file, self.hint = code, fspath(file), hint
 
 
 @dataclass(slots=True)
@@ -165,8 +178,12 @@ class Report:
         self._add("warning", code, where, message, hint)
 
     def note(self, code: str, where: Span, message: str, hint: str = "") -> None:
-        """Add something worth knowing."""
+        """Add something that the user may want to change."""
         self._add("note", code, where, message, hint)
+
+    def fact(self, code: str, where: Span, message: str, hint: str = "") -> None:
+        """Add something worth knowing, a note for which nothing needs to be done."""
+        self._add("note", code, where, message, hint, action=False)
 
     @property
     def in_order(self) -> list[Diagnostic]:
@@ -195,7 +212,14 @@ class Report:
         return any(d.severity in ("infeasible", "different") for d in self.found)
 
     def _add(
-        self, severity: Severity, code: str, where: Span, message: str, hint: str
+        self,
+        severity: Severity,
+        code: str,
+        where: Span,
+        message: str,
+        hint: str,
+        *,
+        action: bool = True,
     ) -> None:
         self.found.append(
             Diagnostic(
@@ -204,12 +228,13 @@ class Report:
                 where=where,
                 message=_shortened(message),
                 hint=_shortened(hint),
+                action=action,
             )
         )
 
 
 def render_text(diagnostic: Diagnostic) -> str:
-    """Return the finding as text: headline, place, source line and caret."""
+    """Return the finding as text: headline, position, source line, caret."""
     d, where = diagnostic, diagnostic.where
     lines = [f"{d.severity}[{d.code}]: {d.message}"]
     if not where.line:
@@ -226,13 +251,20 @@ def render_text(diagnostic: Diagnostic) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
+def render_line(diagnostic: Diagnostic) -> str:
+    """Return the finding as one line of text: kind, code, position, message."""
+    d, where = diagnostic, diagnostic.where
+    at = f"{where.file}:{where.line}:{where.column}" if where.line else where.file
+    return f"{d.severity}[{d.code}] {at} {d.message}"
+
+
 def _excerpt(where: Span) -> tuple[str, str]:
     """Return a source line, of a long one what is near the caret, and the caret."""
     at = where.column - 1
     first = max(at - EXCERPT // 2, 0) if len(where.text) > EXCERPT else 0
     shown = where.text[first : first + EXCERPT]
     length = min(max(where.length, 1), max(len(shown) - (at - first), 1))
-    # a tab stays a tab, so that the caret stands where the terminal puts the text
+    # a tab stays a tab, so that the caret is where the terminal puts the text
     before = shown[: at - first]
     indent = "".join("\t" if char == "\t" else " " for char in before)
     head = "... " if first else ""

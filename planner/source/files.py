@@ -1,4 +1,4 @@
-"""Files that a task names: found inside its folder, and read once, up to a size."""
+"""Files that a task names: found inside its folder, read once, up to a size."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def read_bytes(
 def _near(path: Path, asking: str) -> str:
     """Return what may be meant as a hint: a file of a similar name, "" if none is.
 
-    The file in which the name stands is not meant. Where that is the file itself, a
+    The file that holds the name is not meant. Where that is the file itself, a
     task is asked for, and the task of a folder is meant.
     """
     try:
@@ -76,9 +76,9 @@ def named_file(
     Parameters
     ----------
     text, at : str, Span
-        The reference, and where it stands.
+        The reference, and its position.
     folder : Path
-        The folder of the file that it stands in.
+        The folder of the file that holds it.
     report : Report
         Receives MP010.
     """

@@ -1,4 +1,4 @@
-"""Inputs as plain data of one form: the same meaning gives equal values."""
+"""Inputs as normalised plain data: the same meaning gives equal values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a value of the wrong kind is written as the kind wanted."""
+"""Corrected spelling of a value that has the wrong type."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def as_kind(kinds: Sequence[str], value: object, at: str) -> str:
     value : object
         What was found.
     at : str
-        Name of the place, `steps[2].speed_um_per_s`.
+        Name of the node, `steps[2].speed_um_per_s`.
     """
     if isinstance(value, str) and {"number", "integer"} & set(kinds):
         return _as_number(value, at, whole="number" not in kinds)
@@ -36,7 +36,7 @@ def as_kind(kinds: Sequence[str], value: object, at: str) -> str:
 
 
 def u_for_mu(text: str) -> str:
-    """Return text with a u for the letter mu, of either kind: it stands in units."""
+    """Return text with a u for the letter mu, of either kind: units have it."""
     return text.replace("\u00b5", "u").replace("\u03bc", "u")
 
 

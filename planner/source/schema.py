@@ -1,4 +1,4 @@
-"""Check a source against its JSON Schema: one finding per mistake, at its place."""
+"""Validation of a source by its JSON Schema: one finding per mistake."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Checked:
 
     source: Source
     faults: frozenset[Where]
-    above: frozenset[Where]  # the faults, and all that they stand in
+    above: frozenset[Where]  # the faults, and all that encloses them
 
     @classmethod
     def of(cls, source: Source, faults: Iterable[Where]) -> Checked:
@@ -63,7 +63,7 @@ class _Finding:
 
     @property
     def fault(self) -> Where:
-        """Return the node at fault; what stands beside a missing key is not."""
+        """Return the node at fault; the neighbours of a missing key are not."""
         return (*self.where, *self.missing)
 
 
@@ -102,7 +102,7 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the known word nearest to `word`, or "".
 
-    A letter mu, of either kind, is meant as a u: it stands in units.
+    A letter mu, of either kind, is meant as a u: units have it.
     """
     near = difflib.get_close_matches(u_for_mu(word), sorted(known), n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else ""
@@ -160,7 +160,7 @@ def _is_other(source: Source, version_key: str, report: Report) -> bool:
         "MP013",
         source.value(version_key),
         f"{version_key} is {version}, this microplan reads version {NEWEST}",
-        "update microplan" if version > NEWEST else f"microplan migrate {source.file}",
+        "update microplan",  # version 1 is the first
     )
     return True
 
@@ -199,7 +199,7 @@ def _missing(error: ValidationError, where: Where, at: str) -> Iterator[_Finding
 
 
 def _wrong_key(error: ValidationError, where: Where, at: str) -> _Finding:
-    """Return the finding for a key that may not stand where it does."""
+    """Return the finding for a key that is not allowed there."""
     key = str(error.instance)
     if error.validator == "enum":
         message = f"key '{key}' means nothing here in {at}"
@@ -254,7 +254,7 @@ def _value(error: ValidationError) -> Any:
 
 
 def _allowed(keys: Iterable[str]) -> str:
-    """Return the hint that lists what may stand here."""
+    """Return the hint that lists what is allowed here."""
     return "allowed: " + ", ".join(keys)
 
 

@@ -1,4 +1,4 @@
-"""YAML read into plain data, with the place of every key and value.
+"""YAML read into plain data, with the position of every key and value.
 
 Plain scalars follow YAML 1.2 core: `1e-6` is a number, `no` and `12:30` are text, there
 are no dates. What could be read in two ways is refused: duplicate keys, anchors,
@@ -42,7 +42,7 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """One YAML file: its data and where each piece of it stands."""
+    """One YAML file: its data and the position of each piece."""
 
     file: str  # as the user named it
     path: Path
@@ -52,7 +52,7 @@ class Source:
     faults: frozenset[Where] = frozenset()  # nodes already reported; data are made up
 
     def value(self, *where: Key) -> Span:
-        """Return the place of the value at `where`, or of what encloses it."""
+        """Return the position of the value at `where`, or of what encloses it."""
         for end in range(len(where), -1, -1):
             if where[:end] in self.values:
                 return self.values[where[:end]]
@@ -79,7 +79,7 @@ class Source:
         return node if isinstance(node, list) else []
 
     def key(self, *where: Key) -> Span:
-        """Return the place of the key at `where`; of the value for a list item."""
+        """Return the position of the key at `where`; of the value for a list item."""
         return self.keys.get(where) or self.value(*where)
 
 
@@ -194,7 +194,7 @@ class _Builder:
         return data
 
     def at(self, start: Any, end: Any) -> Span:
-        """Return the place from `start` to `end`, at most to the end of its line."""
+        """Return the span from `start` to `end`, at most to the end of its line."""
         text = self.lines[start.line] if start.line < len(self.lines) else ""
         last = end.column if end.line == start.line else len(text.rstrip())
         return Span(

@@ -1,4 +1,4 @@
-"""What YAML's parser complains of, in words that say what stands there and what may."""
+"""Errors of the YAML parser in words: what was found, what is allowed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class _ParserPlace:
         return self.lines[mark.line] if mark.line < len(self.lines) else ""
 
     def rest(self, mark: yaml.Mark) -> str:
-        """Return what stands from a mark on, as findings quote it; no comments."""
+        """Return the text from a mark on, as findings quote it; no comments."""
         text = re.sub(r"\s#.*", "", self.line(mark)[mark.column :]).strip()
         return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
@@ -72,7 +72,7 @@ def _no_colon(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
 
 
 def _colon(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
-    """Return the fault of a colon where none may stand."""
+    """Return the fault of a colon where none is allowed."""
     before = place.line(place.here)[: place.here.column]
     if re.search(r":\s", before):
         message = "a second ': ' in one line"
@@ -133,7 +133,7 @@ def _in_brackets(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
 
 
 def _in_block(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
-    """Return the fault of a line that does not go on with what stands above it."""
+    """Return the fault of a line that does not continue the lines above it."""
     behind = _behind_quote(place)
     if behind is not None:
         return behind

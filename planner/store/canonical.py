@@ -1,4 +1,4 @@
-"""Values as bytes and back: the same value always gives the same bytes, none runs code.
+"""Canonical serialisation: equal values give equal bytes, none runs code when read.
 
 Written are None, bool, int, float, str, bytes, tuples, lists, frozensets, mappings,
 numpy arrays of numbers, and frozen dataclasses of this project. A number of numpy comes

@@ -1,4 +1,4 @@
-"""Files or plan folders put into place: whole, or not at all."""
+"""Files or plan folders written atomically: whole, or not at all."""
 
 from __future__ import annotations
 
@@ -14,13 +14,11 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from microplan.planner.source.diagnostics import CallError
 
-class OutputError(Exception):
+
+class OutputError(CallError):
     """The output cannot be written; the message says why, `code` is MP7xx."""
-
-    def __init__(self, code: str, message: str, file: str | os.PathLike[str]) -> None:
-        super().__init__(message)
-        self.code, self.file = code, os.fspath(file)  # where it was to be written
 
 
 def not_written(
@@ -29,7 +27,7 @@ def not_written(
     """Return MP702 for an error on the way: files that the user never named stay out.
 
     An OSError's own words hold the path that failed, which may be of a file that is
-    put into place only when it is whole.
+    moved there only when it is whole.
     """
     why = error.strerror if isinstance(error, OSError) else ""
     path = os.fspath(file)
@@ -41,11 +39,13 @@ if TYPE_CHECKING:
 
 PLAN = "plan.json"
 REPORT = "report.html"
+FINDINGS = "findings.json"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
 _FOLDERS = (*_ALWAYS, "evidence")
-# what lies in a plan folder: beside anything else a plan may have been kept
+# all names in a plan folder: with another one it may hold a user's own files
 _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", REPORT,
+    FINDINGS,
     *_FOLDERS,
 }  # fmt: skip
 # How every plan begins, since 1.0: other programs write a plan.json too, also with a
@@ -82,7 +82,7 @@ class PlanBytes:
 
 
 def write_folder(made: PlanBytes, folder: Path) -> None:
-    """Write a plan folder; an older plan in its place is replaced whole.
+    """Write a plan folder; an older plan at its path is replaced whole.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def write_folder(made: PlanBytes, folder: Path) -> None:
 
 
 def replace_by(folder: Path, fill: Callable[[Path], object]) -> None:
-    """Put a folder in the place of another one, whole or not at all.
+    """Replace a folder by another one, whole or not at all.
 
     `fill` writes into a fresh folder; MP702 if that or the move fails.
     """
@@ -114,7 +114,7 @@ def replace_by(folder: Path, fill: Callable[[Path], object]) -> None:
 
 
 def replace_file(source: Path, file: Path) -> None:
-    """Copy a file into place, whole or not at all; MP702 if it cannot be written."""
+    """Copy a file, whole or not at all; MP702 if it cannot be written."""
     try:
         data = source.read_bytes()
     except OSError as error:
@@ -123,13 +123,8 @@ def replace_file(source: Path, file: Path) -> None:
     replace_bytes(file, data)
 
 
-def replace_text(file: Path, text: str) -> None:
-    """Write a text file, whole or not at all; MP702 if it cannot be written."""
-    replace_bytes(file, text.encode())
-
-
 def replace_alike(file: Path, data: bytes, *, head: int = 16) -> None:
-    """Write a file in the place of none, or of one that begins with the same bytes.
+    """Write a new file, or replace one that begins with the same bytes.
 
     Raises
     ------
@@ -150,7 +145,7 @@ def replace_alike(file: Path, data: bytes, *, head: int = 16) -> None:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, made if need be, each in the place of an older one."""
+    """Write files into a folder, made if need be, each replacing an older one."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -177,7 +172,7 @@ def replace_bytes(file: Path, data: bytes) -> None:
 
 
 def replace_folder(source: Path, folder: Path) -> None:
-    """Copy a plan folder into place, whole or not at all; MP701, MP702 as above."""
+    """Copy a plan folder, whole or not at all; MP701, MP702 as above."""
     check_folder(folder)
     replace_by(folder, partial(shutil.copytree, source, dirs_exist_ok=True))
 
@@ -186,7 +181,7 @@ def check_folder(folder: Path) -> None:
     """Raise OutputError unless `folder` is absent, empty or a plan folder alone.
 
     MP701 if it is something else, as one whose plan.json is another program's; MP702 if
-    it cannot be told.
+    that cannot be found out.
     """
     try:
         if not stat.S_ISDIR(folder.stat().st_mode):
@@ -262,12 +257,15 @@ def _fill(made: PlanBytes, folder: Path) -> None:
 
 
 def json_bytes(data: object) -> bytes:
-    """Return JSON the way the plan is written."""
-    return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
+    """Return JSON as plans are written."""
+    return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode(
+        "utf-8",
+        "backslashreplace",  # names of files need not be text
+    )
 
 
 def swap(fresh: Path, folder: Path) -> None:
-    """Put `fresh` in the place of `folder`, which is kept until the last moment."""
+    """Replace `folder` by `fresh`; it is kept until the last moment."""
     if not folder.exists():
         fresh.rename(folder)
         return

@@ -1,4 +1,4 @@
-"""Calls of pure functions that are not made twice."""
+"""Memoised results of pure functions, kept in a store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images as 8-bit pictures, and the hash of their pixels."""
+"""Images as 8-bit pictures with the hash of their pixels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Picture = npt.NDArray[np.uint8]
 
 
 def picture(image: FloatArray) -> Picture:
-    """Return an image in 0..1 as 8 bit, rounded and clipped."""
+    """Return an image, (rows, columns) in 0..1, as 8 bit, rounded and clipped."""
     scaled: Picture = np.clip(np.rint(image * 255), 0, 255).astype(np.uint8)
     return scaled
 

@@ -1,4 +1,4 @@
-"""A folder of results by their keys: whole or absent, verified when read, bounded."""
+"""Cached results by their keys: whole or absent, verified when read, bounded."""
 
 from __future__ import annotations
 

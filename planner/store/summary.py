@@ -18,29 +18,28 @@ EFFECTS = {
 
 
 def plan_summary(plan: Plan) -> str:
-    """Return one line per step, and the verdict."""
+    """Return the verdict with what it leaves out, one line per step, and the rest."""
+    verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_left_out(plan)]
     width = max((len(step.id) for step in plan.steps), default=4)
-    lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
-    lines.append(f"{plan.name}: {plan.status}, {_chance(plan)}")
-    rest = (*_left_out(plan), *_look_times(plan), *_worst_effect(plan))
-    return "\n".join([*lines, *rest])
+    steps = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
+    return "\n".join([*verdict, *steps, *_look_times(plan), *_worst_effect(plan)])
 
 
 def success(plan: Plan) -> str:
-    """Return the chance of success, as terminals and pages show it."""
-    known = _ends_before(plan) is None
+    """Return the probability of success, as terminals and pages show it."""
+    known = ends_before(plan) is None
     return chance(plan.success_probability) if known else "not worked out"
 
 
-def _ends_before(plan: Plan) -> str | None:
+def ends_before(plan: Plan) -> str | None:
     """Return the step that a plan ends before, None if it has them all."""
     known = {step.id for step in plan.steps}
     return next((r.step for r in plan.reasons if r.step and r.step not in known), None)
 
 
 def _chance(plan: Plan) -> str:
-    """Return the chance of success, or where the plan ends before it is known."""
-    ends = _ends_before(plan)
+    """Return the probability of success, or where the plan ends before it is known."""
+    ends = ends_before(plan)
     if ends is not None:
         return f"ends before {ends!r}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
@@ -48,7 +47,7 @@ def _chance(plan: Plan) -> str:
 
 
 def _left_out(plan: Plan) -> list[str]:
-    """Return which grasps are not known to hold: nobody knows how likely that is."""
+    """Return which grasps are not known to hold: their probability is unknown."""
     doubtful = [
         f"{step.id} ({step.grasp.verdict})"
         for step in plan.steps

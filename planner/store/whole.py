@@ -1,19 +1,17 @@
-"""A whole compile that need not be made again: nothing that it read has changed."""
+"""A cached compile: reused while no file that it read has changed."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from microplan.planner.source.diagnostics import Diagnostic
+from microplan.planner.source.saved_files import file_sha256
 from microplan.planner.store.canonical import CanonicalError, decode, encode
 from microplan.planner.store.memo import digest
 from microplan.planner.store.store import Store
-
-MOST_BYTES = 1 << 24  # of an input file; larger ones are never read by a compile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,31 +45,18 @@ def remembered(store: Store, task: str, options: tuple[Any, ...]) -> Whole | Non
         return None
     if not isinstance(found, Whole):
         return None
-    same = all(_sha256(path) == known for path, known in found.files.items())
+    same = all(file_sha256(path) == known for path, known in found.files.items())
     return found if same else None
 
 
 def remember(store: Store, task: str, options: tuple[Any, ...], whole: Whole) -> None:
     """Keep a compile."""
     key = _key(task, options)
-    if key is not None and whole.files.get(str(Path(task))) == _sha256(task):
+    if key is not None and whole.files.get(str(Path(task))) == file_sha256(task):
         store.put(key, encode(whole))
 
 
 def _key(task: str, options: tuple[Any, ...]) -> str | None:
     """Return the key of a compile, None if the task cannot be read."""
-    found = _sha256(task)
+    found = file_sha256(task)
     return None if found is None else digest("whole", task, found, options)
-
-
-def _sha256(path: str) -> str | None:
-    """Return the digest of a file, None if there is none that a compile could read."""
-    file = Path(path)
-    try:
-        if not file.is_file():
-            return None
-        with file.open("rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-    except (OSError, ValueError):
-        return None
-    return None if len(data) > MOST_BYTES else hashlib.sha256(data).hexdigest()

@@ -138,7 +138,7 @@ def _feature(
     if feature.chord_um:
         message = f"{name} is a polygon, taken for R {feature.radius_um:.6g} um"
         hint = f"its edges run up to {feature.chord_um:.3g} um inside the circle"
-        report.note("MP235", at, message, hint)
+        report.fact("MP235", at, message, hint)
     return feature
 
 

@@ -24,7 +24,7 @@ from microplan.planner.assembly.assembly import State, locate_place
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.looks.full_frames import frame, seen_scene
 from microplan.planner.looks.scenario import build_case
-from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.folder import replace_alike
 from microplan.planner.store.pictures import picture
 from microplan.planner.task.task import Task
@@ -38,13 +38,8 @@ NOISE_SEED = 0  # of the one noisy frame that --noise shows
 DEFAULT_MODEL = "exact"  # where neither a model nor an error is asked for
 
 
-class RenderError(Exception):
+class RenderError(CallError):
     """The call cannot be met; `code` is MP4xx or MP7xx."""
-
-    def __init__(self, code: str, message: str, file: Path | None = None) -> None:
-        super().__init__(message)
-        self.code = code
-        self.file = "" if file is None else str(file)  # "": of the call itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

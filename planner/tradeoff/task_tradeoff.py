@@ -15,7 +15,7 @@ from microplan.featuresel.trials.bounds import failure_upper
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.plan.compiler import compile_task
 from microplan.planner.plan.options import Options, Vary
-from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.task import Task
@@ -51,11 +51,8 @@ class TaskCall:
     out: Path
 
 
-class VaryError(ValueError):
+class VaryError(CallError):
     """A value that cannot be; carries the code of its finding."""
-
-    code = "MP404"
-    file = ""  # of the call itself
 
 
 def write_task_tradeoff(
@@ -84,7 +81,7 @@ def write_task_tradeoff(
     try:
         wanted = compile_methods(task, call.vary)
     except ValueError as error:
-        raise VaryError(str(error)) from error
+        raise VaryError("MP404", str(error)) from error
     write_files(call.out, {})  # before minutes are spent
     points: list[TradeoffPoint] = []
     spent: list[Spent] = []

@@ -62,8 +62,8 @@ def _report_fit(step: TaskStep, found: FitVerdict, report: Report) -> None:
         hint = "end the moves where the hole is around the shaft"
         report.refuse("MP610", step.where, words, hint)
     elif found.fit == "clearance":
-        hint = "nothing must be done: any two parts within tolerance go together"
-        report.note("MP610", step.where, words, hint)
+        hint = "any two parts within tolerance go together"
+        report.fact("MP610", step.where, words, hint)
     else:
         hint = "widen the hole or thin the shaft, or make both closer to their drawings"
         report.warning("MP610", step.where, words, hint)

@@ -105,15 +105,15 @@ def _report_tight(
         next(b for b in found.bounds if b.end == end and b.magnification == value)
         for end, value in ends
     ]
-    report.note(
+    report.fact(
         "MP406",
         request.where,
         f"look {request.id!r}: {shape.name} can be looked at between {found.least:.4g} "
         f"and {found.most:.4g} x only: less is barred by {why[0].by} "
         f"({why[0].reason}), more by {why[1].by} ({why[1].reason})",
-        "nothing must be done; for more room, or where a small change gives MP401, "
-        "look at it nearer the middle of the field ('view_um'), or state a smaller "
-        "sigma at its start if that is true",
+        "for more room, or where a small change gives MP401, look at it nearer the "
+        "middle of the field ('view_um'), or state a smaller sigma at its start if "
+        "that is true",
     )
 
 
@@ -148,13 +148,12 @@ def _shade_advice(task: Task) -> str:
     """Return what the trials say of bodies above a target, and what to do."""
     if task.workcell.light.kind == "coaxial":
         return (
-            "nothing must be done: trials of the look have it; if they find nothing "
-            "good enough, choose a 'view_um' where nothing higher stands near"
+            "trials of the look have it; if they find nothing good enough, choose a "
+            "'view_um' where nothing higher stands near"
         )
     return (
-        "nothing must be done, but trials have what is hidden and not the lost light: "
-        "if the look fails on the cell, choose a 'view_um' where nothing higher stands "
-        "near"
+        "trials have what is hidden and not the lost light: if the look fails on the "
+        "cell, choose a 'view_um' where nothing higher stands near"
     )
 
 
@@ -186,7 +185,7 @@ def _report_shade(
     names = ", ".join(shade.by for shade in shades)
     said = ", ".join(covering)
     reached = max(shade.hidden + shade.shaded for shade in shades)
-    report.note(
+    report.fact(
         "MP306",
         request.where,
         f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "

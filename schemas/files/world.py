@@ -162,3 +162,15 @@ class World:
     robot_theta_axis_to_tip_um: float  # by which an error of its angle swings the tips
     parts: tuple[WorldPart, ...]  # by name
     tools: tuple[WorldTool, ...]  # by name
+
+    @property
+    def outlines(self) -> dict[str, WorldOutline]:
+        """Return the outline of every body by its name in a scene, in its frame."""
+        found: dict[str, WorldOutline] = {}
+        for part in self.parts:
+            found[part.name] = part.outline
+            found.update({post.name: post.outline for post in part.posts})
+        for tool in self.tools:
+            found[f"{tool.name}.left"] = tool.left
+            found[f"{tool.name}.right"] = tool.right
+        return found

@@ -1,7 +1,7 @@
 """Reading of a DXF file by ezdxf in its own process: counts, extents.
 
 The library may be slow, take much memory or fail in any way on files that are odd; its
-process is killed, and the compiler goes on. Only this module imports it.
+process is killed, and the compiler goes on.
 """
 
 from __future__ import annotations

@@ -247,7 +247,7 @@ def _say_skipped(drawing: GdsDrawing, report: Report) -> None:
     if skipped:
         says = ", ".join(f"{n} {kind}" for kind, n in sorted(skipped.items()))
         message = f"{_name(drawing)}: passed over: {says}"
-        report.note("MP236", drawing.at, message, "they cover no area")
+        report.fact("MP236", drawing.at, message, "they cover no area")
 
 
 def _say_rounded(
@@ -267,7 +267,7 @@ def _say_rounded(
         f"; and {more} more" if more else ""
     )
     hint = f"their edges run up to {worst:.3g} um inside them"
-    report.note("MP235", at, message, hint)
+    report.fact("MP235", at, message, hint)
 
 
 def _report(error: GdsError, name: str, at: Span, report: Report) -> None:

@@ -180,6 +180,28 @@ def test_timings_are_told_if_asked_for(
     assert sum(seconds[:2]) <= seconds[2] + 2e-3  # rounded to milliseconds
 
 
+def test_findings_lie_beside_the_plan_and_in_its_report(
+    compiled: Compile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert compiled("--report", "-v") == 0
+    heard = capsys.readouterr()
+    assert heard.out.startswith("gear-on-shaft: feasible, P(success) ")
+    found = json.loads((tmp_path / "new" / "findings.json").read_text(encoding="utf-8"))
+    page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
+    assert found
+    for finding in found:
+        assert finding["message"] in heard.err
+        assert finding["code"] in page
+        assert finding["where"]["file"] == "task.yaml"  # as seen from the task
+
+
+def test_a_folder_of_any_name_is_compiled_in(task: Path, tmp_path: Path) -> None:
+    odd = task.parent.rename(tmp_path / os.fsdecode(b"caf\xe9"))
+    words = ["compile", str(odd / "task.yaml"), "--preset", "fast", "--report"]
+    assert main(words) == 0
+    assert json.loads((odd / "gear-on-shaft.plan" / "inputs.json").read_bytes())
+
+
 def test_timings_stand_below_everything(compiled: Compile) -> None:
     shown = io.StringIO()
     with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -39,8 +40,8 @@ def test_json_says_what_text_says() -> None:
     assert said["result"] == "ok"
     assert said["findings"][0] == {
         "code": "MP104", "severity": "error", "title": "unknown key",
-        "message": "unknown key", "hint": "seed?", "file": "a dir/task.yaml",
-        "line": 3, "column": 5, "length": 4,
+        "message": "unknown key", "hint": "seed?", "action": True,
+        "file": "a dir/task.yaml", "line": 3, "column": 5, "length": 4,
     }  # fmt: skip
     assert "line" not in said["findings"][1]
 
@@ -87,4 +88,28 @@ def test_text_keeps_the_result_apart_from_the_findings() -> None:
     out, err = render_findings([finding()], "done", "text")
     assert out == "done"
     assert err.startswith("error[MP104]: unknown key")
+    assert render_findings([], "", "text") == ("", "")
+
+
+def test_text_has_what_needs_action_first_and_facts_in_one_line() -> None:
+    fact = replace(finding("note"), action=False)
+    found = [fact, finding("note"), finding("error"), fact]
+    short = render_findings(found, "", "text")[1].splitlines()
+    heads = [line for line in short if line.startswith(("error", "note"))]
+    assert [head.partition(":")[0] for head in heads] == ["error[MP104]", "note[MP104]"]
+    assert short[-1] == "2 notes ask for nothing: -v shows them"
+    every = render_findings(found, "", "text", verbose=True)[1].splitlines()
+    assert every[:-2] == short[:-1]
+    assert every[-2:] == 2 * ["note[MP104] a dir/task.yaml:3:5 unknown key"]
+
+
+@pytest.mark.parametrize("form", ["json", "github", "sarif"])
+def test_forms_for_machines_have_the_facts_too(form: str) -> None:
+    fact = replace(finding("note"), action=False)
+    out, _ = render_findings([fact], "", form)
+    assert "unknown key" in out
+    assert out == render_findings([fact], "", form, verbose=True)[0]
+
+
+def test_no_finding_says_nothing() -> None:
     assert render_findings([], "", "text") == ("", "")

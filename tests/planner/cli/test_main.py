@@ -225,3 +225,21 @@ def test_a_reader_that_leaves_is_no_bug() -> None:
         process.stdout.close()
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "instead"),
+    [
+        (["migrate", TASK], "microplan check"),
+        (["migrate"], "microplan check"),
+        (["compile", TASK, "--watch", "-o", "x"], "microplan compile"),
+    ],
+)
+def test_what_is_no_more_names_what_to_use_instead(
+    words: list[str], instead: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert instead in captured.err
+    assert len(captured.err.splitlines()) == 1
+    assert captured.out == ""

@@ -228,7 +228,7 @@ def test_the_call_of_a_page_leads_to_its_code(
         """Return the call's exit status and its findings of the code."""
         status = main(shlex.split(call))
         lines = capsys.readouterr().err.splitlines()
-        return status, {line for line in lines if f"[{code}]: " in line}
+        return status, {line for line in lines if f"[{code}]" in line}
 
     before: set[str] = set()
     if _BLOCK.search(page):  # else the call itself is the mistake
