@@ -19,6 +19,7 @@ from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.drift_since_look import Borne, is_placed
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.budget.offenders import largest_um
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
@@ -26,6 +27,7 @@ from microplan.planner.looks.measures import MeasuredFeature
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import insertion_after
+from microplan.schemas.plan import Budget
 from microplan.schemas.plan.verdicts import Allowed
 
 OTHER_ZOOM = 2.0  # any that is not the present one: every change has the same jump
@@ -98,42 +100,54 @@ UNITS = {"focus": "um", "pose": "um"}
 ORDER: tuple[Setting, ...] = ("focus", "zoom", "light", "gradient", "pose")
 
 
-def allowable_errors(
+def with_allowable_errors(
+    budget: Budget,
     task: Task,
     job: Insertion,
     goal: float,
-    looks: Iterable[tuple[str, CompiledLook]],
+    memory: MeasurementHistory,
+    parts: Iterable[str],
     effects: CompileContext,
-) -> tuple[Allowed, ...]:
-    """Return how far each setting of each look may be off, one at a time.
+) -> Budget:
+    """Return a budget with the allowable error of each setting of the parts' looks.
 
     Parameters
     ----------
+    budget : Budget
+        Of an insertion or a placement, with its analysis.
     task : Task
         The task.
     job : Insertion
-        What the looks serve, as it is.
+        The insertion or placement, with all its errors.
     goal : float
-        Chance that it must keep; where it has not even that, nothing is allowed.
-    looks : iterable of (term, CompiledLook)
-        The looks, each with the name of its error in the budget.
-    effects : Effects
+        Probability that it must keep; where it is below that, nothing is allowed.
+    memory : MeasurementHistory
+        The last looks by part.
+    parts : iterable of str
+        The parts whose looks serve it.
+    effects : CompileContext
         How many images may be spent.
 
     Returns
     -------
-    tuple of Allowed
-        Of a look at several features, what each of them bears by itself. Steps are
-        those of `microplan.featuresel.trials.tolerance_search`: the next one was not
-        borne.
+    Budget
+        With errors one at a time, of a look at several features for each of them by
+        itself. Steps are those of `microplan.featuresel.trials.tolerance_search`: the
+        next one was not tolerated.
     """
+    if budget.analysis is None:
+        raise ValueError("the budget of a look's errors has an analysis")
     if goal <= 0 or 1 - job.miss < goal:
-        return ()
-    return tuple(
+        return budget
+    allowed = tuple(
         row
-        for term, look in looks
-        for row in _of_look(task, job, goal, term, look, effects)
+        for part in parts
+        if part in memory.looks
+        for row in _of_look(
+            task, job, goal, memory.seen[part].term, memory.looks[part], effects
+        )
     )
+    return replace(budget, analysis=replace(budget.analysis, allowed=allowed))
 
 
 def _of_look(
@@ -177,7 +191,7 @@ def _drifts(
     """Return the last drift borne in every direction by one feature of a look."""
     search = ToleranceSearch(
         case=found.tried.case,
-        prepared=alone(found.tried.prepared, found.chosen.chain),
+        prepared=alone(found.tried.comparison.prepared, found.chosen.chain),
         root_seed=task.seed,
         draws=draws,
     )

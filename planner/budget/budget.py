@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import Carrier, State, locate_place
 from microplan.planner.assembly.holding import between_jaws
@@ -17,8 +17,10 @@ from microplan.schemas.plan import Budget, BudgetRow
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
-NOT_MODELLED = (
-    ("tilt of the part in the jaws", "not modelled: no look and no drawing tells it"),
+TILT_IN_JAWS = BudgetRow(
+    term="tilt of the part in the jaws",
+    sigma_um=None,
+    source="not modelled: no look and no drawing tells it",
 )
 
 
@@ -75,85 +77,76 @@ def blind_rows(
     `takes_s` how long that takes.
     """
     rows = []
-    if travel_um["stage"] or not travel_um["robot"]:
+    stage_um, robot_um = travel_um["stage"], travel_um["robot"]
+    if stage_um or not robot_um:
         rows.append(
-            BudgetRow(
-                term="stage axis tilt over the travel",
-                sigma_um=cell.stage.axis_tilt_sigma_rad * travel_um["stage"],
-                source=f"workcell axis_tilt_sigma_mrad x {travel_um['stage']:g} um",
+            _row(
+                "stage axis tilt over the travel",
+                cell.stage.axis_tilt_sigma_rad * stage_um,
+                f"workcell axis_tilt_sigma_mrad x {stage_um:g} um",
             )
         )
-    if travel_um["robot"]:
+    if robot_um:
+        source = "not modelled: the workcell states no tilt of the robot, which goes "
         rows.append(
-            BudgetRow(
-                term="robot axis tilt over the travel",
-                sigma_um=None,
-                source="not modelled: the workcell states no tilt of the robot, which "
-                f"goes {travel_um['robot']:g} um",
-            )
+            _row("robot axis tilt over the travel", None, f"{source}{robot_um:g} um")
         )
     drift_um = cell.stage.drift_um_per_min * takes_s / SECONDS_PER_MIN
-    rows.append(
-        BudgetRow(
-            term=f"drift while {doing}",
-            sigma_um=drift_um,
-            source=f"workcell drift_um_per_min x {takes_s:.3g} s",
-        )
-    )
+    source = f"workcell drift_um_per_min x {takes_s:.3g} s"
+    rows.append(_row(f"drift while {doing}", drift_um, source))
     if hole is not None and shaft is not None:
         rows += looking_rows(cell, hole, shaft)
-    rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
-    return tuple(rows)
+    return (*rows, TILT_IN_JAWS)
+
+
+def _row(term: str, sigma_um: float | None, source: str) -> BudgetRow:
+    """Return a row that is alike in every direction."""
+    return BudgetRow(term=term, sigma_um=sigma_um, source=source)
 
 
 def looking_rows(
     cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement
 ) -> list[BudgetRow]:
-    """Return what two looks at different heights and zooms differ by."""
+    """Return the differential errors of two looks at different heights and zooms."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
-    rows = [_measured_row(seen) for seen in (hole, shaft)]
-    rows.append(
-        BudgetRow(
-            term=FOCUS_TERM,
-            sigma_um=cell.optics.focus.lateral_sigma_um_per_um * apart_um,
-            source=f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
-        )
-    )
-    rows.append(
-        BudgetRow(
-            term="lens distortion",
-            sigma_um=math.hypot(hole.distortion_sigma_um, shaft.distortion_sigma_um),
-            source="workcell distortion_sigma at the places of both looks",
-        )
-    )
-    rows.append(
-        BudgetRow(
-            term="partial coherence",
-            sigma_um=math.hypot(hole.coherence_um, shaft.coherence_um),
-            source="workcell coherence: edges move, middles of symmetry stay",
-        )
-    )
     zoomed = not math.isclose(hole.magnification, shaft.magnification)
-    rows.append(
-        BudgetRow(
-            term="parcentric jump of the zoom",
-            sigma_um=cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0,
-            source="workcell parcentric_sigma_um"
+    jump_um = cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0
+    return [
+        _measured_row(hole),
+        _measured_row(shaft),
+        _row(
+            FOCUS_TERM,
+            cell.optics.focus.lateral_sigma_um_per_um * apart_um,
+            f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
+        ),
+        _row(
+            "lens distortion",
+            math.hypot(hole.distortion_sigma_um, shaft.distortion_sigma_um),
+            "workcell distortion_sigma at the places of both looks",
+        ),
+        _row(
+            "partial coherence",
+            math.hypot(hole.coherence_um, shaft.coherence_um),
+            "workcell coherence: edges move, middles of symmetry stay",
+        ),
+        _row(
+            "parcentric jump of the zoom",
+            jump_um,
+            "workcell parcentric_sigma_um"
             if zoomed
             else "no zoom change between the looks",
-        )
-    )
-    rows.append(_scale_row(cell, hole, shaft, zoomed=zoomed))
-    return rows
+        ),
+        _scale_row(cell, hole, shaft, zoomed=zoomed),
+    ]
 
 
 def _measured_row(seen: PastMeasurement) -> BudgetRow:
-    """Return what a look errs by; the scale is common to both and has its own row."""
+    """Return the error of a look; the scale is common to both and has its own row."""
     steady_um, source = seen.steady_um, "trials"
     if steady_um is None or steady_um >= seen.sigma_um:
-        return BudgetRow(term=seen.term, sigma_um=seen.sigma_um, source=source)
+        return _row(seen.term, seen.sigma_um, source)
     source += f" ({seen.sigma_um:.3g} um), less the zoom's scale, which has its own row"
-    return BudgetRow(term=seen.term, sigma_um=steady_um, source=source)
+    return _row(seen.term, steady_um, source)
 
 
 def _scale_row(
@@ -177,22 +170,15 @@ def _scale_row(
 
 
 def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
-    """Return the budget of a grasp: does the part stand free between the jaws."""
+    """Return the budget of a grasp: the clearance of the part between the jaws."""
     stands = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
-    rows = (
-        BudgetRow(
-            term="place of the part",
-            sigma_um=stands.sigma_um,
-            source="alignment before",
-        ),
-        BudgetRow(
-            term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
-        ),
-    )
     total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
     return Budget(
-        rows=rows,
+        rows=(
+            _row("place of the part", stands.sigma_um, "alignment before"),
+            _row("place of the jaws", grip.sigma_xy_um, "workcell"),
+        ),
         limit_um=stands.room_um,
         success_probability=_inside(stands.half_room_um, stands.offset_um, total),
         advice="",
@@ -200,20 +186,14 @@ def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
 
 
 def release_budget(task: Task, tool: str) -> Budget:
-    """Return the budget of a release: the chance that the part follows a finger."""
+    """Return the budget of a release: the probability that the part sticks."""
     stick = task.workcell.tools[tool].stick_probability
-    row = BudgetRow(
-        term="adhesion to the fingers",
-        sigma_um=None,
-        source=f"an interval of forces gives no chance (the step's verdict has it); "
-        f"stick_probability {stick:g} of the workcell (0 unless stated)",
+    source = (
+        "an interval of forces gives no chance (the step's verdict has it); "
+        f"stick_probability {stick:g} of the workcell (0 unless stated)"
     )
-    return Budget(
-        rows=(row,),
-        limit_um=None,
-        success_probability=1 - stick,
-        advice="",
-    )
+    row = _row("adhesion to the fingers", None, source)
+    return replace(EMPTY_BUDGET, rows=(row,), success_probability=1 - stick)
 
 
 def verify_budget(
@@ -222,19 +202,16 @@ def verify_budget(
     target: PastMeasurement | None,
     seat: PastMeasurement | None,
 ) -> Budget:
-    """Return what blurs a verification; it can refuse, but it moves nothing.
+    """Return the measurement errors of a verification; it moves nothing.
 
     A good assembly that is refused is no mechanical miss, so P stays 1.
     """
-    rows = () if target is None or seat is None else looking_rows(cell, target, seat)
-    return Budget(
-        rows=tuple(rows), limit_um=step.within_um, success_probability=1.0, advice=""
-    )
+    rows = [] if target is None or seat is None else looking_rows(cell, target, seat)
+    return replace(EMPTY_BUDGET, rows=tuple(rows), limit_um=step.within_um)
 
 
-def empty_budget() -> Budget:
-    """Return the budget of a step that cannot miss mechanically."""
-    return Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
+# Of a step that cannot miss mechanically
+EMPTY_BUDGET = Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
 
 
 def _inside(half_um: float, offset_um: float, sigma_um: float) -> float:

@@ -20,7 +20,7 @@ from microplan.planner.budget.alignment_residual import (
     residual_after,
     unaligned,
 )
-from microplan.planner.budget.allowable_errors import allowable_errors
+from microplan.planner.budget.allowable_errors import with_allowable_errors
 from microplan.planner.budget.budget import PastMeasurement, blind_rows
 from microplan.planner.budget.drift_since_look import since_rows
 from microplan.planner.budget.insert_budget import LateralResidual, apart, share_of_goal
@@ -73,17 +73,14 @@ def place_budget(
         placing_budget, placed, job, left, turning, goal=goal
     )
     others = chance_beside(placed, turning)
-    looks = [
-        (memory.seen[name].term, memory.looks[name])
-        for name in (put.part, put.seat)
-        if name in memory.looks and put.align is not None
-    ]
     needed = goal / others if others > 0 else 1.0
-    borne = allowable_errors(task, job, needed, looks, effects)
-    if budget.analysis is None:
-        raise ValueError("the budget of a placement has an analysis")
-    analysis = replace(budget.analysis, allowed=borne)
-    return replace(budget, analysis=analysis), verdict
+    if put.align is None:
+        return budget, verdict
+    pair = (put.part, put.seat)
+    return (
+        with_allowable_errors(budget, task, job, needed, memory, pair, effects),
+        verdict,
+    )
 
 
 def left_of(put: PlacementContext) -> LateralResidual:

@@ -45,8 +45,8 @@ def compile_looks(
     look = compile_look(task, request, effects, current, plain, known=known)
     if look is None:
         codes = {d.code for d in plain.found if d.severity == "infeasible"}
-        pair = _pair(task, request, effects, plain, report) if _may(codes) else ()
-        if pair:
+        may_help = codes & set(MAY_HELP)  # by a better known position
+        if may_help and (pair := _pair(task, request, effects, plain, report)):
             return pair
     report.found += plain.found
     return () if look is None else (look,)
@@ -56,11 +56,6 @@ def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
     """Return how long a target takes to centre before its fine look."""
     spot = target_pose(task, request, needed_shape(task, request))
     return centre_times(task, spot.carrier, spot.sigma_xy_um)
-
-
-def _may(codes: set[str]) -> bool:
-    """Return whether a better known place may cure what stands in the way."""
-    return bool(codes & set(MAY_HELP))
 
 
 def _pair(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.evaluate import RoutineComparison
-from microplan.featuresel.selection.select import Selection
 from microplan.featuresel.sets.criteria import (
     Candidate,
     Criteria,
@@ -23,9 +22,7 @@ from microplan.featuresel.sets.criteria import (
 )
 from microplan.featuresel.sets.feature_set import FeatureSet
 from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
-from microplan.featuresel.trials.outcomes import Outcomes
 from microplan.featuresel.trials.score import ChainScore
-from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
@@ -33,12 +30,11 @@ from microplan.schemas import plan as p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestedFeature:
-    """A feature that was raced; its selection is that of one of several features."""
+    """A feature whose routines were compared as one of several in a set."""
 
     feature: Feature
     shape: TargetShape
     tried: Evaluation
-    visible: float | None  # share of its edges
 
     @property
     def chosen(self) -> ChainScore:
@@ -49,14 +45,14 @@ class TestedFeature:
         ValueError
             If none passed.
         """
-        if self.tried.selection.chosen is None:
+        if self.tried.comparison.selection.chosen is None:
             raise ValueError(f"no chain of {self.shape.name} passed")
-        return self.tried.selection.chosen
+        return self.tried.comparison.selection.chosen
 
     @property
     def passes(self) -> bool:
         """Return whether a chain is good enough for one of several features."""
-        return self.tried.selection.chosen is not None
+        return self.tried.comparison.selection.chosen is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,12 +70,11 @@ class FeatureRanking:
         self, raced: TestedFeature, sight: FeatureMeasurement | None, reason: str
     ) -> p.FeatureRow:
         """Return one feature by Feddema's criteria, as far as it passed."""
+        shape = raced.shape
         if sight is None:
+            visible = raced.tried.comparison.visible
             return p.FeatureRow(
-                name=raced.shape.name,
-                kind=raced.shape.kind,
-                reason=reason,
-                completeness=raced.visible,
+                name=shape.name, kind=shape.kind, reason=reason, completeness=visible
             )
         found = criteria(
             _candidate(raced, sight),
@@ -87,7 +82,7 @@ class FeatureRanking:
             theta_range_rad=self.case.target.theta_range_rad,
             angle=self._angle,
         )
-        return _row(found, raced.shape.name, raced.shape.kind, reason)
+        return _row(found, shape.name, shape.kind, reason)
 
     def set_row(
         self,
@@ -122,26 +117,21 @@ def unseen(case: LookCase) -> str:
 def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
     """Return a raced feature as criteria want it."""
     return Candidate(
-        feature=raced.feature, score=raced.chosen, sight=sight, seen=raced.visible
+        feature=raced.feature,
+        score=raced.chosen,
+        sight=sight,
+        seen=raced.tried.comparison.visible,
     )
 
 
 def _row(found: Criteria, name: str, kind: str, reason: str) -> p.FeatureRow:
     """Return criteria as the plan has them; what is infinite is not known."""
-    return p.FeatureRow(
-        name=name,
-        kind=kind,
-        reason=reason,
-        chain=found.chain,
-        robustness=found.robustness,
-        uniqueness=found.uniqueness,
-        completeness=found.completeness,
-        cost=found.cost,
-        resolution_um=_finite(found.resolution_um),
-        rank=found.rank,
-        controllability=found.controllability,
-        conditioning=_finite(found.conditioning),
-    )
+    values = asdict(found) | {
+        "name": name,
+        "resolution_um": _finite(found.resolution_um),
+        "conditioning": _finite(found.conditioning),
+    }
+    return p.FeatureRow(kind=kind, reason=reason, **values)
 
 
 def _finite(value: float) -> float | None:
@@ -176,41 +166,23 @@ Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """A case, what was tried on it, and what came of it."""
+    """A look's case, how it is rendered, and its comparison of routines."""
 
     case: LookCase
     fidelity: Fidelity
-    prepared: PreparedRoutines
-    outcomes: Outcomes
-    scores: tuple[ChainScore, ...]
-    selection: Selection
-
-    @classmethod
-    def of(
-        cls, case: LookCase, fidelity: Fidelity, found: RoutineComparison
-    ) -> Evaluation:
-        """Return what a contest over a case showed."""
-        return cls(
-            case=case,
-            fidelity=fidelity,
-            prepared=found.prepared,
-            outcomes=found.outcomes,
-            scores=found.scores,
-            selection=found.selection,
-        )
+    comparison: RoutineComparison
 
 
 def used(tried: Evaluation) -> tuple[str, ...]:
     """Return the routines of chain and fallback, each once."""
-    selection = tried.selection
-    spare = selection.fallback.chain if selection.fallback else ()
-    chosen = selection.chosen.chain if selection.chosen else ()
-    return tuple(dict.fromkeys(chosen + spare))
+    selection = tried.comparison.selection
+    both = (selection.chosen, selection.fallback)
+    return tuple(dict.fromkeys(r for score in both if score for r in score.chain))
 
 
 def _artifact(tried: Evaluation, name: str) -> Artifact:
     """Return what a routine prepared; one that failed to is never selected."""
-    found = tried.prepared.artifacts[name]
+    found = tried.comparison.prepared.artifacts[name]
     if isinstance(found, Failure):
         raise ValueError(f"{name} was selected but not prepared: {found.message}")
     return found
@@ -218,11 +190,8 @@ def _artifact(tried: Evaluation, name: str) -> Artifact:
 
 def arrays_of(look: str, tried: Evaluation) -> Arrays:
     """Return the arrays of the routines used, by their path in the plan folder."""
-    return {
-        _array_path(look, name): _artifact(tried, name).arrays
-        for name in used(tried)
-        if _artifact(tried, name).arrays
-    }
+    made = {name: _artifact(tried, name).arrays for name in used(tried)}
+    return {_array_path(look, name): arrays for name, arrays in made.items() if arrays}
 
 
 def _array_path(look: str, name: str) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from microplan.featuresel.look.design import design, rebuild
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import State, part_pose, robot_pose
@@ -86,23 +85,19 @@ def _trials(
     tried: Evaluation, chosen: ChainScore, seed: int
 ) -> tuple[TrialRecord, ...]:
     """Return what the chosen chain said of every trial that it had."""
-    mine = tried.outcomes.by(chosen.chain)
+    mine = tried.comparison.outcomes.by(chosen.chain)
     made = design(tried.case, 1 + max(o.trial for o in mine), seed)
     return tuple(
         TrialRecord(
             trial=trial.index,
             focus_um=trial.dz_um,
             magnification=trial.magnification,
-            error_um=_distance_um(outcome),
+            error_um=None if outcome.world_um is None else outcome.distance_um,
             failure=outcome.failure or "",
             wrong=is_wrong(tried.case, outcome),
         )
         for outcome, trial in ((each, made[each.trial]) for each in mine)
     )
-
-
-def _distance_um(outcome: Outcome) -> float | None:
-    return None if outcome.world_um is None else outcome.distance_um
 
 
 def _pictures(

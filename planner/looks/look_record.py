@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase, scene
@@ -84,7 +85,7 @@ def sigma_without_scale_um(
         return math.inf
     if case.theta_any or case.spread.pose_sigma_theta_rad > SMALL_RAD:
         return math.inf
-    right = tried.outcomes.by(chosen.chain).only(
+    right = tried.comparison.outcomes.by(chosen.chain).only(
         lambda o: o.world_um is not None and not is_wrong(case, o)
     )
     if len(right) < LEAST:
@@ -107,17 +108,7 @@ def effect_rows(
         lens_rows(task, request.state, shape, spot, case.microscope),
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
-    return tuple(
-        p.EffectRow(
-            effect=row.effect,
-            level=row.level,
-            predicted_error=row.predicted_error,
-            limit=row.limit,
-            unit=row.unit,
-            reason=row.reason,
-        )
-        for row in rows
-    )
+    return tuple(p.EffectRow(**asdict(row)) for row in rows)
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
@@ -200,20 +191,20 @@ def measured(
     ValueError
         If no chain was chosen.
     """
-    case, chosen, effects = tried.case, tried.selection.chosen, job.effects
+    case, chosen, effects = tried.case, tried.comparison.selection.chosen, job.effects
     if chosen is None:
         raise ValueError("no chain was chosen")
     seed = job.task.seed
     usable = effects.memo.call(
         usable_range,
         case,
-        tried.prepared,
+        tried.comparison.prepared,
         chosen.chain,
         root_seed=seed,
         draws=effects.effort.range_draws,
         map=effects.map,
     )
-    only = replace(tried.prepared, chains=(chosen.chain,))
+    only = replace(tried.comparison.prepared, chains=(chosen.chain,))
     curves = effects.memo.call(
         predict_bias, case, only, root_seed=seed, map=effects.map
     )
@@ -235,17 +226,23 @@ def compiled(job: LookProblem, decided: LookDecision) -> CompiledLook:
     task, request, shape = job.task, job.request, job.shape
     case, memo, found = decided.tried.case, job.effects.memo, decided.found
     image = reference_image(task, request, case, memo)
-    spot = target_pose(task, request, shape)
+    spot, first = target_pose(task, request, shape), found[0]
+    arrays: dict[str, Mapping[str, npt.NDArray[np.float32]]] = {}
+    for each in found:
+        arrays |= arrays_of(look_key(request, shape, each.shape), each.tried)
+    steady_um = math.inf  # it is not known of several features
+    if decided.together is None:
+        steady_um = sigma_without_scale_um(first.tried, first.chosen, task.seed)
     return CompiledLook(
         look=_look(job, decided, image),
         case=case,
         picture=image,
-        arrays=_arrays(job, found),
+        arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
         coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
         placed=look_scene(task, request.state, request.id, shape, spot),
         found=found,
-        steady_um=_steady_um(job, decided),
+        steady_um=steady_um,
         shot=evidence_of(task, request, found, memo),
     )
 
@@ -272,25 +269,6 @@ def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
         together=None if together is None else together_record(together),
         verdict=view_verdict(task, request, view, usable, decided.refused),
     )
-
-
-def _arrays(job: LookProblem, found: Iterable[MeasuredFeature]) -> Arrays:
-    """Return the arrays of all features' routines, by their path."""
-    return {
-        path: arrays
-        for each in found
-        for path, arrays in arrays_of(
-            look_key(job.request, job.shape, each.shape), each.tried
-        ).items()
-    }
-
-
-def _steady_um(job: LookProblem, decided: LookDecision) -> float:
-    """Return `CompiledLook.steady_um`; it is not known of several features."""
-    if decided.together is not None:
-        return math.inf
-    first = decided.found[0]
-    return sigma_without_scale_um(first.tried, first.chosen, job.task.seed)
 
 
 def reference_image(

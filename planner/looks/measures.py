@@ -12,6 +12,7 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import choose_gate
+from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.tolerance_search import UsableRange
 from microplan.featuresel.trials.trials import is_wrong
@@ -47,15 +48,24 @@ def measure_record(
 ) -> p.Measure:
     """Return how the look measures a feature, with what the trials promise."""
     tried, shape, chosen = found.tried, found.shape, found.chosen
-    case, spare = tried.case, tried.selection.fallback
+    case, spare = tried.case, tried.comparison.selection.fallback
+    spare_chain = () if spare is None else spare.chain
     where = look_key(request, target, shape)
     return p.Measure(
         chain=tuple(use_of(where, tried, name) for name in chosen.chain),
-        fallback=tuple(
-            use_of(where, tried, name) for name in (spare.chain if spare else ())
+        fallback=tuple(use_of(where, tried, name) for name in spare_chain),
+        region=p.Region(
+            row=case.window.row,
+            column=case.window.column,
+            rows=case.window.rows,
+            columns=case.window.columns,
         ),
-        region=_region(case),
-        reference=_reference(case),
+        reference=p.Reference(
+            column=case.target.column,
+            row=case.target.row,
+            pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
+            z_um=case.focus_um,
+        ),
         bias_um=chosen.bias_um or (0.0, 0.0),
         jacobian_px_per_um=_jacobian(case),
         sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
@@ -120,32 +130,10 @@ def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
     return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
 
 
-def _region(case: LookCase) -> p.Region:
-    """Return the part of the frame that the routines see."""
-    window = case.window
-    return p.Region(
-        row=window.row, column=window.column, rows=window.rows, columns=window.columns
-    )
-
-
-def _reference(case: LookCase) -> p.Reference:
-    """Return where the target should be."""
-    return p.Reference(
-        column=case.target.column,
-        row=case.target.row,
-        pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
-        z_um=case.focus_um,
-    )
-
-
 def _gates(tried: Evaluation, chosen: ChainScore) -> p.Gates:
     """Return what a measurement must meet: what every good trial met, and a margin."""
-    mine = tried.outcomes.by(chosen.chain)
-    spreads = [
-        o.spread_um
-        for o in mine
-        if o.spread_um is not None and not is_wrong(tried.case, o)
-    ]
+    good = _good(tried, chosen)
+    spreads = [o.spread_um for o in good if o.spread_um is not None]
     widest = SPREAD_MARGIN * max(spreads, default=0.0)
     return p.Gates(
         min_score=_min_score(tried, chosen),
@@ -160,13 +148,17 @@ def _min_score(tried: Evaluation, chain: ChainScore) -> float:
 
     A gate that lets all pass is lowered by a margin below the good trials instead.
     """
-    mine = tried.outcomes.by(chain.chain)
-    scores = [
-        o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
-    ]
+    mine = tried.comparison.outcomes.by(chain.chain)
+    scores = [o.score for o in _good(tried, chain) if o.score is not None]
     usual = SCORE_MARGIN * min(scores, default=0.0)
     gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
     return usual if gate is None or not gate.lost else max(usual, gate.min_score)
+
+
+def _good(tried: Evaluation, chain: ChainScore) -> list[Outcome]:
+    """Return the outcomes of a chain that are not wrong."""
+    mine = tried.comparison.outcomes.by(chain.chain)
+    return [o for o in mine if not is_wrong(tried.case, o)]
 
 
 def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:

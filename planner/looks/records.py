@@ -124,13 +124,13 @@ def evidence(
 
     `tolerance_um` is the look's own; one of several features may have a wider one.
     """
-    reasons = dict(tried.selection.reasons)
+    reasons = dict(tried.comparison.selection.reasons)
     return p.Evidence(
         tolerance_um=tolerance_um,
         chosen=_score(chosen, reasons[chosen.chain]),
         others=tuple(
             _score(other, reasons[other.chain])
-            for other in tried.scores
+            for other in tried.comparison.scores
             if other.chain != chosen.chain
         ),
         features=tuple(features),

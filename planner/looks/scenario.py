@@ -17,7 +17,8 @@ from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.outline.tolerant_order import above
 from microplan.optics.render.fidelity import Fidelity, choose
-from microplan.optics.render.scene import Illumination, Layer, Scene
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
@@ -82,9 +83,7 @@ def build_case(
             read_noise_e=camera.read_noise_e,
             bits=camera.bits,
         ),
-        target=with_contour(
-            _target(task, shape, spot, view), _carrying(task, request, shape)
-        ),
+        target=_target(task, request, shape, spot, scope, view.region),
         model=fidelity.model,
         sampling=fidelity.sampling,
         lens=lens,
@@ -101,7 +100,7 @@ def build_case(
 
 
 def feature_case(
-    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: TargetShape
+    task: Task, request: Request, case: LookCase, shape: TargetShape
 ) -> LookCase:
     """Return a look at another feature of the target's body, through the same region.
 
@@ -128,9 +127,7 @@ def feature_case(
         ),
         x_um=spot.pose.x_um,
         y_um=spot.pose.y_um,
-        target=with_contour(
-            _target(task, shape, spot, view), _carrying(task, request, shape)
-        ),
+        target=_target(task, request, shape, spot, case.microscope, case.window),
         tolerance_um=case.tolerance_um * SHARE_TOGETHER,
         tolerance_theta_rad=None
         if case.tolerance_theta_rad is None or angle is None
@@ -190,12 +187,7 @@ def _focus_range(view: ViewPlan, spread: TrialSpread) -> tuple[float, ...]:
 def _placed(layer: Layer, spot: Place) -> Layer:
     """Return a layer of the target's frame in the world."""
     outline = place(layer.outline, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
-    return Layer(
-        name=layer.name,
-        outline=outline,
-        z_um=layer.z_um,
-        reflectance=layer.reflectance,
-    )
+    return replace(layer, outline=outline)
 
 
 def _layers(
@@ -208,12 +200,7 @@ def _layers(
     static = tuple(layer for layer in seen if layer.name not in own)
     heights = {layer.name: layer.z_um for layer in seen}
     moving = tuple(
-        Layer(
-            name=layer.name,
-            outline=layer.outline,
-            z_um=heights[layer.name],
-            reflectance=layer.reflectance,
-        )
+        replace(layer, z_um=heights[layer.name])
         for layer in target_layers(task, request.state, shape)
         if layer.name in own
     )
@@ -227,11 +214,17 @@ def _carrying(task: Task, request: Request, shape: TargetShape) -> list[Outline]
     return [outline_of(task, shape)]
 
 
-def _target(task: Task, shape: TargetShape, spot: Place, view: ViewPlan) -> Target:
-    """Return the target in pixels of the region."""
-    scope, region = view.microscope, view.region
+def _target(
+    task: Task,
+    request: Request,
+    shape: TargetShape,
+    spot: Place,
+    scope: Microscope,
+    region: Window,
+) -> Target:
+    """Return the target in pixels of the region, with its contour."""
     k = scope.px_per_um
-    return Target(
+    target = Target(
         name=shape.name,
         kind=shape.kind,
         column=(scope.width_px - 1) / 2 + k * spot.pose.x_um - region.column,
@@ -244,6 +237,7 @@ def _target(task: Task, shape: TargetShape, spot: Place, view: ViewPlan) -> Targ
         bright=shape.bright,
         parameters=shape.parameters,
     )
+    return with_contour(target, _carrying(task, request, shape))
 
 
 def _sigma_theta(task: Task, spot: Place) -> float:
@@ -281,13 +275,8 @@ def _occluder_sigma_um(
 
     What lies lower hides nothing.
     """
-    return max(
-        (
-            locate_place(task, request.state, name).sigma_xy_um
-            for name in _higher(spot, static)
-        ),
-        default=0.0,
-    )
+    higher = (locate_place(task, request.state, n) for n in _higher(spot, static))
+    return max((place.sigma_xy_um for place in higher), default=0.0)
 
 
 def _turning(
@@ -297,20 +286,16 @@ def _turning(
 
     A tool's angle is in the spread of its tips.
     """
-    places = [
-        locate_place(task, request.state, name)
-        for name in _higher(spot, static)
-        if name in task.parts
-    ]
+    higher = [n for n in _higher(spot, static) if n in task.parts]
     return tuple(
         UnknownRotation(
-            owner=place.owner,
-            x_um=place.pose.x_um,
-            y_um=place.pose.y_um,
-            sigma_theta_rad=min(place.sigma_theta_rad, math.pi),
+            owner=part.owner,
+            x_um=part.pose.x_um,
+            y_um=part.pose.y_um,
+            sigma_theta_rad=min(part.sigma_theta_rad, math.pi),
         )
-        for place in places
-        if place.sigma_theta_rad > 0
+        for part in (locate_place(task, request.state, name) for name in higher)
+        if part.sigma_theta_rad > 0
     )
 
 

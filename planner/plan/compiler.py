@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ from microplan.planner.assembly.world import build_world, finger_solids, part_so
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.plan.actions import axis_move
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
@@ -86,11 +88,9 @@ def build_plan(
     """Return the plan of the steps that could be compiled."""
     start = initial(task)
     compiled = tuple(step.step for step in steps)
-    chance = 1.0
-    for step in compiled:
-        chance *= step.budget.success_probability
+    success = math.prod((s.budget.success_probability for s in compiled), start=1.0)
     complete = len(compiled) == len(states)
-    _report_goal(task, compiled, chance if complete else None, report)
+    _report_goal(task, compiled, success if complete else None, report)
     reasons = _reasons(task, report)
     return p.Plan(
         format_version=p.FORMAT_VERSION,
@@ -101,16 +101,10 @@ def build_plan(
         requirements=requirements(task, states, compiled),
         beliefs=_beliefs(task, start),
         features=feature_places(task),
-        stage_start=p.AxisMove(
-            axes="stage",
-            x_um=start.stage.x_um,
-            y_um=start.stage.y_um,
-            z_um=start.stage.z_um,
-            theta_rad=start.stage.theta_rad,
-        ),
-        robot_start=_robot_start(start),
+        stage_start=axis_move("stage", start.stage),
+        robot_start=axis_move("robot", start.robot) if start.tool else None,
         opening_start_um=start.opening_um if start.tool else None,
-        success_probability=chance if complete else 0.0,
+        success_probability=success if complete else 0.0,
         success_goal=task.success_goal,
         steps=compiled,
         parts=part_solids(task),
@@ -289,19 +283,6 @@ def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
             y_um=round(center[1], PLACES),
         )
         for name, (owner, center) in sorted(centers.items())
-    )
-
-
-def _robot_start(start: State) -> p.AxisMove | None:
-    """Return the robot's readings before step 1, None without a tool."""
-    if start.tool is None:
-        return None
-    return p.AxisMove(
-        axes="robot",
-        x_um=start.robot.x_um,
-        y_um=start.robot.y_um,
-        z_um=start.robot.z_um,
-        theta_rad=start.robot.theta_rad,
     )
 
 

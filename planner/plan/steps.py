@@ -168,24 +168,22 @@ def _step(
     if step.verb == "release":
         placed = place_budget(task, states, here, memory, effects)
         budget, placing = placed or (budget, None)
-    verdicts = verdicts_of(task, states, here)
+    fit, grasp, release = verdicts_of(task, states, here)
     return p.Step(
         id=step.id,
         verb=step.verb,
         key="",
         physical=step.verb in PHYSICAL or bool(here.moves),
         irreversible=step.verb in IRREVERSIBLE,
-        moves=tuple(axis_move(move) for move in here.moves),
+        moves=tuple(axis_move(move.axes, move.to) for move in here.moves),
         looks=tuple(look.look for look in looks),
         action=action_of(task, here, looks),
         control=control,
         conditions=conditions_of(here),
         budget=budget,
-        fit=verdicts.fit,
-        grasp=verdicts.grasp,
-        release=verdicts.release,
+        fit=fit,
+        grasp=grasp,
+        release=release,
         placing=placing,
-        effects=mechanical_rows(
-            here, budget, verdicts.fit, verdicts.grasp, verdicts.release
-        ),
+        effects=mechanical_rows(here, budget, fit, grasp, release),
     )
