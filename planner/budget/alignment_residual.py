@@ -88,11 +88,11 @@ def approach_um(
 
 def _seen_um(task: Task, before: PastMeasurement) -> float:
     """Return the spread of a look, the zoom's scale as the workcell has it."""
-    if before.steady_um is None:
+    if before.sigma_without_scale_um is None:
         return before.sigma_um
     scale = task.workcell.optics.zoom.scale_sigma
     away_um = scale * math.hypot(*before.place_um)
-    return min(before.sigma_um, math.hypot(before.steady_um, away_um))
+    return min(before.sigma_um, math.hypot(before.sigma_without_scale_um, away_um))
 
 
 def unaligned(state: State, parts: Iterable[str], since: str) -> LateralResidual:

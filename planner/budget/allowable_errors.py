@@ -16,7 +16,7 @@ from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import residual_after
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.drift_since_look import Borne, is_placed
+from microplan.planner.budget.drift_since_look import DriftTolerance, is_placed
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.measurement_history import MeasurementHistory
@@ -43,7 +43,7 @@ class AdmissibleError:
     break_even_um: float | None = None
 
 
-def bearable(
+def admissible_errors(
     task: Task,
     states: tuple[StepState, ...],
     align: StepState,
@@ -62,7 +62,7 @@ def bearable(
     if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
         return AdmissibleError()
     here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id, steady_um=None)
+    look = replace(before, step=align.step.id, sigma_without_scale_um=None)
     left = residual_after(task, align, "servo", within_um, before)
 
     def job(look: PastMeasurement) -> Insertion | None:
@@ -107,7 +107,7 @@ def with_allowable_errors(
     goal: float,
     memory: MeasurementHistory,
     parts: Iterable[str],
-    effects: CompileContext,
+    context: CompileContext,
 ) -> Budget:
     """Return a budget with the allowable error of each setting of the parts' looks.
 
@@ -125,7 +125,7 @@ def with_allowable_errors(
         The last looks by part.
     parts : iterable of str
         The parts whose looks serve it.
-    effects : CompileContext
+    context : CompileContext
         How many images may be spent.
 
     Returns
@@ -144,7 +144,7 @@ def with_allowable_errors(
         for part in parts
         if part in memory.looks
         for row in _of_look(
-            task, job, goal, memory.seen[part].term, memory.looks[part], effects
+            task, job, goal, memory.seen[part].term, memory.looks[part], context
         )
     )
     return replace(budget, analysis=replace(budget.analysis, allowed=allowed))
@@ -156,12 +156,12 @@ def _of_look(
     goal: float,
     term: str,
     look: CompiledLook,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> Iterator[Allowed]:
     """Yield a row for each setting of one look."""
-    draws = max(effects.effort.range_draws, LEAST_DRAWS)
+    draws = max(context.effort.range_draws, LEAST_DRAWS)
     found = [
-        _drifts(task, job, goal, term, each, effects, draws) for each in look.found
+        _drifts(task, job, goal, term, each, context, draws) for each in look.found
     ]
     for setting in ORDER:
         sides = [[drifts[d] for d in DIRECTIONS if d.setting == setting]
@@ -185,7 +185,7 @@ def _drifts(
     goal: float,
     term: str,
     found: MeasuredFeature,
-    effects: CompileContext,
+    context: CompileContext,
     draws: int,
 ) -> dict[Direction, float]:
     """Return the last drift borne in every direction by one feature of a look."""
@@ -196,7 +196,7 @@ def _drifts(
         draws=draws,
     )
     borne = partial(
-        Borne,
+        DriftTolerance,
         job=job,
         goal=goal,
         term=term,
@@ -204,10 +204,10 @@ def _drifts(
         lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
     )
     asked = [(d, borne(setting=d.setting)) for d in DIRECTIONS]
-    reached = effects.memo.each(_reach, search, asked, effects.map)
+    reached = context.memo.each(_reach, search, asked, context.map)
     return dict(zip(DIRECTIONS, reached, strict=True))
 
 
-def _reach(search: ToleranceSearch, asked: tuple[Direction, Borne]) -> float:
+def _reach(search: ToleranceSearch, asked: tuple[Direction, DriftTolerance]) -> float:
     direction, borne = asked
     return search.reach(direction, is_placed, borne)

@@ -38,7 +38,7 @@ class PastMeasurement:
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without what the zoom's scale makes of the place; None: the same
-    steady_um: float | None = None
+    sigma_without_scale_um: float | None = None
 
     @property
     def term(self) -> str:
@@ -142,11 +142,11 @@ def looking_rows(
 
 def _measured_row(seen: PastMeasurement) -> BudgetRow:
     """Return the error of a look; the scale is common to both and has its own row."""
-    steady_um, source = seen.steady_um, "trials"
-    if steady_um is None or steady_um >= seen.sigma_um:
+    own_um, source = seen.sigma_without_scale_um, "trials"
+    if own_um is None or own_um >= seen.sigma_um:
         return _row(seen.term, seen.sigma_um, source)
     source += f" ({seen.sigma_um:.3g} um), less the zoom's scale, which has its own row"
-    return _row(seen.term, steady_um, source)
+    return _row(seen.term, own_um, source)
 
 
 def _scale_row(

@@ -27,7 +27,7 @@ from microplan.schemas.plan import BudgetRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Borne:
+class DriftTolerance:
     """Asks of what a look measured at a drift whether the insertion bears it.
 
     What the draws are off by on average is an offset that nobody corrects, in the worst

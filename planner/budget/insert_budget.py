@@ -19,6 +19,8 @@ from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.drift_since_look import since_rows
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.offenders import (
+    WIDEN_HOLE,
+    Sizes,
     changes,
     offenders,
     sizes_of,
@@ -29,7 +31,7 @@ from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
-from microplan.schemas.plan.verdicts import BudgetAnalysis
+from microplan.schemas.plan.verdicts import BudgetAnalysis, YieldCurve
 
 
 def insertion_of(
@@ -82,8 +84,8 @@ def insert_s(task: Task, insert: StepState) -> float:
     travel = travel_of(insert)
     stated = insert.step.speed_um_per_s
     return sum(
-        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
-        for carrier, way_um in travel.items()
+        distance_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
+        for carrier, distance_um in travel.items()
     )
 
 
@@ -117,45 +119,74 @@ def insert_budget(
     goal: float = 0.0,
     methods: Sequence[tuple[str, float]] = (),
 ) -> Budget:
-    """Return the budget of an insertion that starts from what is `left`.
+    """Return the budget of an insertion that starts from the residual `left`.
 
-    `goal` is the step's share of the task's, `methods` are other ways to align with
-    the chances they would give. What the looks' settings bear is left open.
+    `goal` is the step's share of the task's, `methods` are other methods of alignment
+    with the probabilities they would give. Errors of the looks' settings are left out.
     """
     sizes = sizes_of(job, left.term, OFFSET_TERM, SIZE_TERM)
     values = {name: size for name, _, size in sizes}
-    rows = (
-        BudgetRow(term=left.term, sigma_um=values[left.term], source=left.source),
-        *job.blind,
-        BudgetRow(
-            term=OFFSET_TERM,
-            sigma_um=job.offset_um,
-            source="the task's moves",
-        ),
-        BudgetRow(
-            term=SIZE_TERM,
-            sigma_um=values[SIZE_TERM],
-            source="profile_tolerance_um, uniform within, on the capture radius",
-        ),
+    size_row = BudgetRow(
+        term=SIZE_TERM,
+        sigma_um=values[SIZE_TERM],
+        source="profile_tolerance_um, uniform within, on the capture radius",
     )
-    chance, rest = 1 - job.miss, job.rest
-    worst = offenders(job, sizes, goal)
-    cheap = changes(job, worst, goal, methods)
+    return analysed_budget(
+        job,
+        (*common_rows(job, left), size_row),
+        sizes,
+        goal,
+        limit_um=job.fit.capture_um,
+        yields=(yield_over_shaft(job), yield_over_tolerance(job)),
+        methods=methods,
+    )
+
+
+def common_rows(job: Insertion, left: LateralResidual) -> tuple[BudgetRow, ...]:
+    """Return the rows of an insertion or a placement: residual, the rest, offset."""
+    offset_um, source = job.offset_um, "the task's moves"
+    return (
+        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
+        *job.blind,
+        BudgetRow(term=OFFSET_TERM, sigma_um=offset_um, source=source),
+    )
+
+
+def analysed_budget(
+    job: Insertion,
+    rows: tuple[BudgetRow, ...],
+    sizes: Sizes,
+    goal: float,
+    *,
+    limit_um: float,
+    yields: tuple[YieldCurve, ...],
+    others: float = 1.0,
+    methods: Sequence[tuple[str, float]] = (),
+    widen: str = WIDEN_HOLE,
+) -> Budget:
+    """Return a budget with its offenders, its cheapest changes and advice.
+
+    `others` is the probability of all that must succeed besides; `widen` is as in
+    `microplan.planner.budget.offenders.changes`.
+    """
+    needed = min(goal / others, 1.0) if others > 0 else 1.0
+    miss, rest = job.miss, job.rest
+    worst = offenders(job, sizes, needed)
     analysis = BudgetAnalysis(
         required_probability=goal,
         offenders=worst,
-        changes=cheap,
+        changes=changes(job, worst, needed, methods, widen=widen),
         allowed=(),
-        yields=(yield_over_shaft(job), yield_over_tolerance(job)),
-        miss_probability=job.miss,
+        yields=yields,
+        miss_probability=miss,
         covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
-    advice = "" if chance >= goal else advice_of(analysis)
+    success = (1 - miss) * others
     return Budget(
         rows=rows,
-        limit_um=job.fit.capture_um,
-        success_probability=chance,
-        advice=advice,
+        limit_um=limit_um,
+        success_probability=success,
+        advice="" if success >= goal else advice_of(analysis),
         analysis=analysis,
     )
 

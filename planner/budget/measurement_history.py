@@ -44,7 +44,7 @@ def remember(
         name=look.look.target,
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
-        steady_um=math.hypot(look.steady_um, moved_um),
+        sigma_without_scale_um=math.hypot(look.sigma_without_scale_um, moved_um),
         sigma_theta_rad=look.look.sigma_theta_rad,
         magnification=view.magnification,
         focus_um=view.focus_um,

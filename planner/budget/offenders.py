@@ -29,6 +29,7 @@ LEAST_CHANCE = 1e-300
 SHAFT_SHARES = (0.0, 1.5)  # of the clearance, taken off the hole's diameter
 TOLERANCE_SHARES = (0.0, 3.0)  # of the tolerance stated
 
+WIDEN_HOLE = "widen the hole by {wider:.3g} um"
 Sizes = Sequence[tuple[str, str, float]]  # name in the budget, key of `scaled`, um
 
 
@@ -70,7 +71,7 @@ def changes(
     goal: float,
     methods: Sequence[tuple[str, float]] = (),
     *,
-    widen: str = "widen the hole by {wider:.3g} um",
+    widen: str = WIDEN_HOLE,
 ) -> tuple[Change, ...]:
     """Return what would give the goal, the cheapest first; () if it is met.
 

@@ -70,7 +70,7 @@ class PlacementContext:
         return last if last is not None and last.step in held else None
 
 
-def putting_of(
+def placement_context(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
@@ -154,7 +154,7 @@ def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
     return [move for here in steps for move in here.moves if move.axes == carrier]
 
 
-def way_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
+def lever_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
     """Return the way between two points of a part, in the world's axes."""
     part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
     (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))

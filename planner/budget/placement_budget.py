@@ -32,14 +32,14 @@ from microplan.planner.budget.measurement_history import (
 from microplan.planner.budget.placement import (
     PlacementContext,
     far_um,
+    lever_um,
     moves_of,
     moves_s,
-    putting_of,
-    way_um,
+    placement_context,
 )
 from microplan.planner.budget.placing import (
     Placement,
-    chance_beside,
+    other_success,
     placing_budget,
     within,
 )
@@ -58,27 +58,27 @@ def place_budget(
     states: tuple[StepState, ...],
     here: StepState,
     memory: MeasurementHistory,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> tuple[Budget, PlacingVerdict] | None:
     """Return what a release leaves of a placement, None if nobody states a tolerance.
 
     A part on a shaft is the insertion's.
     """
-    put = putting_of(task, states, here, memory)
+    put = placement_context(task, states, here, memory)
     if put is None:
         return None
     placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
-    turning, job = turning_of(put), job_of(put, left)
-    budget, verdict = effects.memo.call(
+    turning, job = angle_error(put), job_of(put, left)
+    budget, verdict = context.memo.call(
         placing_budget, placed, job, left, turning, goal=goal
     )
-    others = chance_beside(placed, turning)
+    others = other_success(placed, turning)
     needed = goal / others if others > 0 else 1.0
     if put.align is None:
         return budget, verdict
     pair = (put.part, put.seat)
     return (
-        with_allowable_errors(budget, task, job, needed, memory, pair, effects),
+        with_allowable_errors(budget, task, job, needed, memory, pair, context),
         verdict,
     )
 
@@ -95,7 +95,7 @@ def left_of(put: PlacementContext) -> LateralResidual:
         method_taken(put.align, put.memory),
         put.memory.within_um,
         put.memory.before,
-        turning_of(put).left_inside if put.turned is put.align else 1.0,
+        angle_error(put).left_inside if put.turned is put.align else 1.0,
     )
 
 
@@ -128,7 +128,7 @@ def _placement(put: PlacementContext) -> Placement:
     )
 
 
-def turning_of(put: PlacementContext) -> AngleError:
+def angle_error(put: PlacementContext) -> AngleError:
     """Return the error of the part's angle against its seat's."""
     task, turned, state = put.task, put.turned, put.release.before
     spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
@@ -215,15 +215,15 @@ def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
         if seen is None:
             continue
         sigma = _angle_rad(told, state.parts[name].sigma_theta_rad)
-        way = way_um(put, name, seen.name, point or "")
+        way = lever_um(put, name, seen.name, point or "")
         yield from _lever(LEVER.format(seen.name), sigma, way)
     aligned = next(
         n
         for n in (put.align.step.target, put.align.step.to)
         if owner_of(n or "") == put.part
     )
-    way = way_um(put, put.part, aligned or "", put.verify.target or "")
-    yield from _lever(TURNED, replace(turning_of(put), rows=()).sigma_rad, way)
+    way = lever_um(put, put.part, aligned or "", put.verify.target or "")
+    yield from _lever(TURNED, replace(angle_error(put), rows=()).sigma_rad, way)
 
 
 def _lever(term: str, sigma_rad: float, way: Point) -> Iterator[BudgetRow]:

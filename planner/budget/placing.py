@@ -10,21 +10,16 @@ import numpy as np
 from microplan.planner.budget.insert_budget import (
     OFFSET_TERM,
     LateralResidual,
-    advice_of,
+    analysed_budget,
+    common_rows,
 )
 from microplan.planner.budget.insertion import SIZE, Insertion
-from microplan.planner.budget.offenders import (
-    YIELD_POINTS,
-    changes,
-    offenders,
-    sizes_of,
-)
+from microplan.planner.budget.offenders import YIELD_POINTS, sizes_of
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import (
-    BudgetAnalysis,
     PlacingVerdict,
     YieldCurve,
     YieldPoint,
@@ -60,7 +55,7 @@ def within(radius_um: float) -> RoundFit:
     )
 
 
-def chance_beside(placed: Placement, turning: AngleError) -> float:
+def other_success(placed: Placement, turning: AngleError) -> float:
     """Return the chance that the angle is within its limit and nothing sticks."""
     limit = placed.within_rad
     turned = 0.0 if limit is None else turning.beyond(limit)
@@ -97,26 +92,22 @@ def placing_budget(
     so that the product errs on the safe side. What the looks' settings bear is left
     open.
     """
-    others, rest = chance_beside(placed, turning), job.rest
-    needed = min(goal / others, 1.0) if others > 0 else 1.0
-    sizes = [s for s in sizes_of(job, left.term, OFFSET_TERM, "") if s[1] != SIZE]
-    worst = offenders(job, sizes, needed)
-    analysis = BudgetAnalysis(
-        required_probability=goal,
-        offenders=worst,
-        changes=changes(job, worst, needed, widen=WIDEN),
-        allowed=(),
-        yields=(_yield_over(job),),
-        miss_probability=job.miss,
-        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
+    stick = (
+        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
+        "(0 unless stated)"
     )
-    chance = (1 - job.miss) * others
-    budget = Budget(
-        rows=_rows(job, left, placed),
+    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
+    rows = (BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out)
+    sizes = sizes_of(job, left.term, OFFSET_TERM, "")
+    budget = analysed_budget(
+        job,
+        (*common_rows(job, left), *rows),
+        [size for size in sizes if size[1] != SIZE],
+        goal,
         limit_um=placed.within_um,
-        success_probability=chance,
-        advice="" if chance >= goal else advice_of(analysis),
-        analysis=analysis,
+        yields=(_yield_over(job),),
+        others=other_success(placed, turning),
+        widen=WIDEN,
     )
     return budget, _verdict(placed, job, turning)
 
@@ -158,23 +149,6 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
         words += f", within {limit:g} deg with P {chance(found.turn_probability)}"
     words += f"; it sticks to a finger with {found.stick_probability:g}"
     return f"{words}; {found.verified_by!r} looks"
-
-
-def _rows(
-    job: Insertion, left: LateralResidual, placed: Placement
-) -> tuple[BudgetRow, ...]:
-    """Return every term of the place, what is left out last."""
-    stick = (
-        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
-        "(0 unless stated)"
-    )
-    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
-    return (
-        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
-        *job.blind,
-        BudgetRow(term=OFFSET_TERM, sigma_um=job.offset_um, source="the task's moves"),
-        *(BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out),
-    )
 
 
 def _yield_over(job: Insertion) -> YieldCurve:

@@ -26,7 +26,7 @@ from microplan.planner.budget.measurement_history import (
     method_taken,
 )
 from microplan.planner.budget.placing import placing_words
-from microplan.planner.budget.probability.collision_probability import passed
+from microplan.planner.budget.probability.collision_probability import with_collisions
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.mechanics.gripping import grasp_verdict
 from microplan.planner.mechanics.releasing import release_verdict
@@ -110,7 +110,7 @@ def budget_of(
     states: tuple[StepState, ...],
     here: StepState,
     memory: MeasurementHistory,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action and of its moves."""
     step, budget = here.step, EMPTY_BUDGET
@@ -122,8 +122,8 @@ def budget_of(
         seen = [memory.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
         budget = verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb == "insert":
-        budget = _of_insertion(task, states, here, memory, effects)
-    return passed(task, here, budget)
+        budget = _of_insertion(task, states, here, memory, context)
+    return with_collisions(task, here, budget)
 
 
 def _of_insertion(
@@ -131,7 +131,7 @@ def _of_insertion(
     states: tuple[StepState, ...],
     insert: StepState,
     memory: MeasurementHistory,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> p.Budget:
     """Return the budget of an insertion, with the allowable errors of its looks."""
     left, goal = left_of(task, states, insert, memory), share_of_goal(task)
@@ -146,9 +146,9 @@ def _of_insertion(
         and option.method != choice.method
         and option.success_probability is not None
     ]
-    budget = effects.memo.call(insert_budget, job, left, goal=goal, methods=methods)
+    budget = context.memo.call(insert_budget, job, left, goal=goal, methods=methods)
     mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
-    return with_allowable_errors(budget, task, job, goal, memory, mates, effects)
+    return with_allowable_errors(budget, task, job, goal, memory, mates, context)
 
 
 def left_of(

@@ -29,7 +29,7 @@ from microplan.schemas.plan.views import TimeRow
 def compile_looks(
     task: Task,
     request: Request,
-    effects: CompileContext,
+    context: CompileContext,
     current: float,
     report: Report,
     *,
@@ -42,11 +42,11 @@ def compile_looks(
     single look already.
     """
     plain = Report()
-    look = compile_look(task, request, effects, current, plain, known=known)
+    look = compile_look(task, request, context, current, plain, known=known)
     if look is None:
         codes = {d.code for d in plain.found if d.severity == "infeasible"}
         may_help = codes & set(MAY_HELP)  # by a better known position
-        if may_help and (pair := _pair(task, request, effects, plain, report)):
+        if may_help and (pair := _pair(task, request, context, plain, report)):
             return pair
     report.found += plain.found
     return () if look is None else (look,)
@@ -59,7 +59,7 @@ def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
 
 
 def _pair(
-    task: Task, request: Request, effects: CompileContext, plain: Report, report: Report
+    task: Task, request: Request, context: CompileContext, plain: Report, report: Report
 ) -> tuple[CompiledLook, ...]:
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
@@ -71,14 +71,14 @@ def _pair(
         if tried and not may_gain(task, request, supposed):
             continue
         found = Report()
-        first = compile_look(task, coarse, effects, low, found, once=True)
+        first = compile_look(task, coarse, context, low, found, once=True)
         if first is None:
             continue
         fine = fine_request(task, request, coarse, _seen(first))
         if fine is None:
             continue
         zoom = first.look.view.magnification
-        second = compile_look(task, fine, effects, zoom, found)
+        second = compile_look(task, fine, context, zoom, found)
         if second is None:
             continue
         report.found += found.found

@@ -40,7 +40,7 @@ _Refused = tuple[Evaluation, str]
 def compile_look(
     task: Task,
     request: Request,
-    effects: CompileContext,
+    context: CompileContext,
     current: float,
     report: Report,
     *,
@@ -60,7 +60,7 @@ def compile_look(
     if not settings:
         return None
     settings = settings[:1] if once else settings
-    problem = LookProblem.of(task, request, effects, known or Begun())
+    problem = LookProblem.of(task, request, context, known or Begun())
     refused: list[_Refused] = []
     look = _by_target(problem, settings, refused)
     if look is None and not once:
@@ -71,15 +71,15 @@ def compile_look(
 
 
 def look_at_first(
-    task: Task, request: Request, effects: CompileContext, view: ViewPlan, known: Begun
+    task: Task, request: Request, context: CompileContext, view: ViewPlan, known: Begun
 ) -> None:
     """Evaluate a look at its first magnification; `known` takes the results.
 
     The part's other features are evaluated, too, where the first result wants them.
     """
-    problem = LookProblem.of(task, request, effects, known)
+    problem = LookProblem.of(task, request, context, known)
     tried = problem.evaluate(view)
-    if _is_fit(tried) and wanted(tried, effects.effort):
+    if _is_fit(tried) and wanted(tried, context.effort):
         begin_features(problem, tried)
 
 
@@ -162,7 +162,7 @@ def _finish(
 ) -> CompiledLook:
     """Return a look at its target alone, or at a set where that has more margin."""
     search = FeatureSetSearch(problem=problem, tried=tried)
-    if wanted(tried, problem.effects.effort):
+    if wanted(tried, problem.context.effort):
         sets = search.run()
         if sets.chosen is not None:
             return _finish_set(problem, tried, sets, sets.chosen, refused)

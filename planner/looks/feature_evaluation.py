@@ -52,7 +52,7 @@ def begin_features(problem: LookProblem, tried: Evaluation) -> None:
 
     others, _ = _candidates(problem, tried, _proposals(problem))
     stakes, cases = _stakes(problem), [case for *_, case in others]
-    problem.effects.memo.each(_compare, stakes, cases, begin)
+    problem.context.memo.each(_compare, stakes, cases, begin)
 
 
 def target_alone(
@@ -74,7 +74,7 @@ def _candidates(
     problem: LookProblem, tried: Evaluation, known: Proposals
 ) -> tuple[list[_Candidate], list[p.FeatureRow]]:
     """Return the features to evaluate besides the target, and a row for each other."""
-    most = problem.effects.effort.features
+    most = problem.context.effort.features
     others, skipped = list[_Candidate](), _avoided(known)
     for feature, shape in known.others:
         case = feature_case(problem.task, problem.request, tried.case, shape)
@@ -101,10 +101,10 @@ def _tested(
     ) -> Iterable[RoutineComparison]:
         if any(case.key in problem.begun.others for case in cases):
             return (_continued(problem, case) for case in cases)
-        return problem.effects.map(compare, cases)
+        return problem.context.map(compare, cases)
 
     cases = [case for *_, case in candidates]
-    found = problem.effects.memo.each(_compare, _stakes(problem), cases, spread)
+    found = problem.context.memo.each(_compare, _stakes(problem), cases, spread)
     return [
         TestedFeature(
             feature=feature,
@@ -138,12 +138,12 @@ def _compare(
 
 def _stakes(problem: LookProblem) -> tuple[int, Effort]:
     """Return the seed and the effort that all features of a look share."""
-    return problem.task.seed, problem.effects.effort
+    return problem.task.seed, problem.context.effort
 
 
 def _continued(problem: LookProblem, case: LookCase) -> RoutineComparison:
     """Return a comparison that goes on from the results known of it."""
-    looks, spread = problem.begun.others.get(case.key), problem.effects.map
+    looks, spread = problem.begun.others.get(case.key), problem.context.map
     return _compare(_stakes(problem), case, map=spread, looks=looks)
 
 

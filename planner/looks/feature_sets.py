@@ -136,7 +136,7 @@ class FeatureSetSearch:
 
     @property
     def _effort(self) -> Effort:
-        return self.problem.effects.effort
+        return self.problem.context.effort
 
     @property
     def _chosen_alone(self) -> ChainScore | None:
@@ -217,17 +217,17 @@ class FeatureSetSearch:
         found: FeatureSet,
     ) -> ChosenSet:
         """Return the set with the score of fresh trials."""
-        case, effects = self.tried.case, self.problem.effects
+        case, context = self.tried.case, self.problem.context
         names = "+".join(r.shape.name for r in raced)
         fresh = replace(case, key=f"{case.key}/{names}")
         least = len(raced) - 1 if self._has_spare(found) else len(raced)
-        score = effects.memo.call(
+        score = context.memo.call(
             score_set,
             fresh,
             [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
-            design(fresh, effects.effort.trials, self.problem.task.seed),
+            design(fresh, context.effort.trials, self.problem.task.seed),
             least=least,
-            map=effects.map,
+            map=context.map,
         )
         return ChosenSet(
             raced=tuple(raced), sights=tuple(sights), score=score, found=found,

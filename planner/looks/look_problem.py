@@ -67,19 +67,19 @@ class LookProblem:
     task: Task
     request: Request
     shape: TargetShape  # of the target
-    effects: CompileContext
+    context: CompileContext
     begun: Begun
 
     @classmethod
     def of(
-        cls, task: Task, request: Request, effects: CompileContext, begun: Begun
+        cls, task: Task, request: Request, context: CompileContext, begun: Begun
     ) -> LookProblem:
         """Return the measurement problem of a request."""
         return cls(
             task=task,
             request=request,
             shape=needed_shape(task, request),
-            effects=effects,
+            context=context,
             begun=begun,
         )
 
@@ -104,11 +104,11 @@ class LookProblem:
 
         With `to_the_end` every chain that is not eliminated has all its trials.
         """
-        effects, effort = self.effects, self.effects.effort
+        context, effort = self.context, self.context.effort
         case, fidelity = self.begun.case(
-            self.task, self.request, view, effects.max_image_error, effects.memo
+            self.task, self.request, view, context.max_image_error, context.memo
         )
-        found = effects.memo.call(
+        found = context.memo.call(
             compare_routines,
             case,
             root_seed=self.task.seed,
@@ -116,7 +116,7 @@ class LookProblem:
             thorough=effort.thorough,
             to_the_end=to_the_end,
             limited=effort.limited,
-            map=effects.map,
+            map=context.map,
             looks=self.begun.looks,
         )
         return Evaluation(case=case, fidelity=fidelity, comparison=found)

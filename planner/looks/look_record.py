@@ -163,7 +163,7 @@ class CompiledLook:
     coherence_um: float  # how far partly coherent light moves it
     placed: LookScene
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
-    steady_um: float = math.inf  # `Sighted.steady_um`
+    sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
     shot: LookFigures | None = None  # what reports show of it
 
 
@@ -179,7 +179,7 @@ class LookDecision:
 
 
 def measured(
-    job: LookProblem,
+    problem: LookProblem,
     tried: Evaluation,
     shape: TargetShape | None = None,
     sigma_um: float | None = None,
@@ -191,50 +191,54 @@ def measured(
     ValueError
         If no chain was chosen.
     """
-    case, chosen, effects = tried.case, tried.comparison.selection.chosen, job.effects
+    case, chosen, context = (
+        tried.case,
+        tried.comparison.selection.chosen,
+        problem.context,
+    )
     if chosen is None:
         raise ValueError("no chain was chosen")
-    seed = job.task.seed
-    usable = effects.memo.call(
+    seed = problem.task.seed
+    usable = context.memo.call(
         usable_range,
         case,
         tried.comparison.prepared,
         chosen.chain,
         root_seed=seed,
-        draws=effects.effort.range_draws,
-        map=effects.map,
+        draws=context.effort.range_draws,
+        map=context.map,
     )
     only = replace(tried.comparison.prepared, chains=(chosen.chain,))
-    curves = effects.memo.call(
-        predict_bias, case, only, root_seed=seed, map=effects.map
+    curves = context.memo.call(
+        predict_bias, case, only, root_seed=seed, map=context.map
     )
     return MeasuredFeature(
-        shape=shape or job.shape,
+        shape=shape or problem.shape,
         tried=tried,
         chosen=chosen,
         usable=usable,
         curve=curves.get(chosen.chain),
-        depth=effects.memo.call(depth_record, case, usable)
-        if effects.effort.limited
+        depth=context.memo.call(depth_record, case, usable)
+        if context.effort.limited
         else None,
         sigma_um=sigma_um,
     )
 
 
-def compiled(job: LookProblem, decided: LookDecision) -> CompiledLook:
+def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
     """Return what the plan says of a look, with its files."""
-    task, request, shape = job.task, job.request, job.shape
-    case, memo, found = decided.tried.case, job.effects.memo, decided.found
+    task, request, shape = problem.task, problem.request, problem.shape
+    case, memo, found = decided.tried.case, problem.context.memo, decided.found
     image = reference_image(task, request, case, memo)
     spot, first = target_pose(task, request, shape), found[0]
     arrays: dict[str, Mapping[str, npt.NDArray[np.float32]]] = {}
     for each in found:
         arrays |= arrays_of(look_key(request, shape, each.shape), each.tried)
-    steady_um = math.inf  # it is not known of several features
+    without_scale_um = math.inf  # it is not known of several features
     if decided.together is None:
-        steady_um = sigma_without_scale_um(first.tried, first.chosen, task.seed)
+        without_scale_um = sigma_without_scale_um(first.tried, first.chosen, task.seed)
     return CompiledLook(
-        look=_look(job, decided, image),
+        look=_look(problem, decided, image),
         case=case,
         picture=image,
         arrays=arrays,
@@ -242,14 +246,19 @@ def compiled(job: LookProblem, decided: LookDecision) -> CompiledLook:
         coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
         placed=look_scene(task, request.state, request.id, shape, spot),
         found=found,
-        steady_um=steady_um,
+        sigma_without_scale_um=without_scale_um,
         shot=evidence_of(task, request, found, memo),
     )
 
 
-def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
+def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     """Return the look as `plan.json` has it."""
-    task, request, shape, found = job.task, job.request, job.shape, decided.found
+    task, request, shape, found = (
+        problem.task,
+        problem.request,
+        problem.shape,
+        decided.found,
+    )
     tried, case = decided.tried, decided.tried.case
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}
@@ -260,7 +269,7 @@ def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=effect_rows(task, request, tried, job.effects.memo),
+        effects=effect_rows(task, request, tried, problem.context.memo),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um

@@ -55,13 +55,13 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
     with workers(options.jobs) as pool:
-        effects = CompileContext(
+        context = CompileContext(
             effort=options.effort or PRESETS[preset],
             max_image_error=limit,
             map=map,
             memo=options.memo,
         )
-        steps, timings = _steps(task, states, effects, report, options.tell, pool)
+        steps, timings = _steps(task, states, context, report, options.tell, pool)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -133,7 +133,7 @@ def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
 def _steps(
     task: Task,
     states: tuple[StepState, ...],
-    effects: CompileContext,
+    context: CompileContext,
     report: Report,
     tell: Callable[[int, int, str], None],
     pool: ProcessPoolExecutor | None,
@@ -146,15 +146,15 @@ def _steps(
     low, _ = task.workcell.optics.magnification
     ahead = Ahead()
     if pool is not None:
-        ahead = begin(pool, task, states, effects, low)
-        effects = replace(effects, map=pool.map)
+        ahead = begin(pool, task, states, context, low)
+        context = replace(context, map=pool.map)
     memory = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started, before_s = time.perf_counter(), ahead.elsewhere_s
         tell(index, len(states), here.step.id)
-        step = compile_step(task, states, index, memory, effects, report, ahead)
+        step = compile_step(task, states, index, memory, context, report, ahead)
         took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:

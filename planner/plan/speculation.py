@@ -66,23 +66,23 @@ class Ahead:
         self,
         task: Task,
         request: Request,
-        effects: CompileContext,
+        context: CompileContext,
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
         """Return what `microplan.planner.looks.coarse_to_fine.compile_looks` does."""
         asked, future = self.under_way.pop(request.id, (None, None))
         if asked is None or future is None:
-            return compile_looks(task, request, effects, current, report)
+            return compile_looks(task, request, context, current, report)
         if not _serves(asked, task, request, current):
             future.cancel()
-            return compile_looks(task, request, effects, current, report)
+            return compile_looks(task, request, context, current, report)
         started = time.perf_counter()
         made = future.result()
         self.elsewhere_s += made.took_s - (time.perf_counter() - started)
         if asked.begun:
             return compile_looks(
-                task, request, effects, current, report, known=made.known
+                task, request, context, current, report, known=made.known
             )
         report.found += made.findings
         return made.looks
@@ -92,7 +92,7 @@ def begin(
     pool: Executor,
     task: Task,
     states: tuple[StepState, ...],
-    effects: CompileContext,
+    context: CompileContext,
     current: float,
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
@@ -106,7 +106,7 @@ def begin(
         for asked in _probable(task, states, index, current)
     ]
     found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
-    alone = replace(effects, map=until_told)
+    alone = replace(context, map=until_told)
     return Ahead(
         under_way={
             asked.request.id: (asked, pool.submit(_make, task, asked, alone))
@@ -167,14 +167,14 @@ def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -
     return asked.request == bare and asked.settings == tuple(settings)
 
 
-def _make(task: Task, asked: _LookRequest, effects: CompileContext) -> _Made:
+def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
     """Compile a look, or begin to."""
     started, report, known = time.perf_counter(), Report(), Begun()
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
-        look_at_first(task, asked.request, effects, asked.settings[0], known)
+        look_at_first(task, asked.request, context, asked.settings[0], known)
     else:
-        looks = compile_looks(task, asked.request, effects, asked.current, report)
+        looks = compile_looks(task, asked.request, context, asked.current, report)
     return _Made(
         looks=looks,
         known=known,

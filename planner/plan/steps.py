@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.allowable_errors import bearable
-from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.allowable_errors import admissible_errors
+from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.measurement_history import MeasurementHistory, remember
+from microplan.planner.budget.methods import method_of
 from microplan.planner.budget.placement_budget import place_budget
 from microplan.planner.budget.step_budget import budget_of, report_handling, verdicts_of
 from microplan.planner.looks.coarse_to_fine import waits_between
@@ -53,7 +54,7 @@ def compile_step(
     states: tuple[StepState, ...],
     index: int,
     memory: MeasurementHistory,
-    effects: CompileContext,
+    context: CompileContext,
     report: Report,
     ahead: Ahead | None = None,
 ) -> CompiledStep | None:
@@ -71,7 +72,7 @@ def compile_step(
     before = memory.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)
     if within is not None:
-        bears = bearable(task, states, here, within, memory.seen, effects.memo)
+        bears = admissible_errors(task, states, here, within, memory.seen, context.memo)
         asked = tuple(
             replace(
                 request,
@@ -81,7 +82,7 @@ def compile_step(
             for request in asked
         )
     for request in asked:
-        found = ahead.looks(task, request, effects, memory.magnification, report)
+        found = ahead.looks(task, request, context, memory.magnification, report)
         if not found:
             return None
         for look in found:
@@ -93,7 +94,7 @@ def compile_step(
     if within is not None:
         choice = method_of(task, states, here, within, memory.seen, report, before)
         memory = replace(memory, within_um=within, choice=choice, before=before)
-    step = _step(task, states, here, tuple(looks), memory, effects)
+    step = _step(task, states, here, tuple(looks), memory, context)
     memory = _after_sweep(memory, step)
     report_handling(here, step.grasp, step.release, report, step.placing)
     step = replace(step, key=journal_key(step, memory.key))
@@ -154,19 +155,19 @@ def _step(
     here: StepState,
     looks: Sequence[CompiledLook],
     memory: MeasurementHistory,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> p.Step:
     """Return the plan's step, without its key."""
     step = here.step
     control = None
-    if step.verb == "align":
+    if step.verb == "align" and memory.choice is not None:
         setting_s = setting_time_s(task, here, looks[0].look)
         control = control_of(
             task, here, memory.within_um, memory.choice, setting_s=setting_s
         )
-    budget, placing = budget_of(task, states, here, memory, effects), None
+    budget, placing = budget_of(task, states, here, memory, context), None
     if step.verb == "release":
-        placed = place_budget(task, states, here, memory, effects)
+        placed = place_budget(task, states, here, memory, context)
         budget, placing = placed or (budget, None)
     fit, grasp, release = verdicts_of(task, states, here)
     return p.Step(

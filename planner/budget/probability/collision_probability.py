@@ -18,7 +18,7 @@ from microplan.schemas.plan import Budget, BudgetRow
 NEGLIGIBLE = 1e-12  # a chance of touching that no row tells of
 
 
-def passed(task: Task, here: StepState, budget: Budget) -> Budget:
+def with_collisions(task: Task, here: StepState, budget: Budget) -> Budget:
     """Return a step's budget, with the chance that its moves touch nothing in it.
 
     The narrowest gap is a row where the step has no other: rows of a grasp, an

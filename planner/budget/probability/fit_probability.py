@@ -16,7 +16,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import VaryingRadius
-from microplan.planner.budget.probability.miss_probability import chance_beyond
+from microplan.planner.budget.probability.miss_probability import probability_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
 
 NODES = 48  # Gauss nodes over the residual, in probability
@@ -113,7 +113,7 @@ def miss_probability(
     landing = Landing(
         bias_um=bias_um, sigma_um=residual.sigma_um, within_um=residual.within_um
     )
-    return chance_beyond(fit.room, landing, sigma_um)
+    return probability_beyond(fit.room, landing, sigma_um)
 
 
 def expected_looks(residual: Residual) -> float:

@@ -58,7 +58,7 @@ class VaryingRadius:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bump:
+class MissDensity:
     """dQ/dw over w = radius + offset, as polynomials of log (dQ/dw / w) on pieces."""
 
     radius_um: float
@@ -77,7 +77,7 @@ class Bump:
 
 
 @lru_cache(maxsize=KEPT)
-def bump_of(room: VaryingRadius, sigma_um: float) -> Bump:
+def miss_density(room: VaryingRadius, sigma_um: float) -> MissDensity:
     """Return the bump of a rest of `sigma_um` > 0 per axis.
 
     It reaches from where dQ/dw is no double to BODY_SIGMAS beyond the largest radius.
@@ -94,7 +94,7 @@ def bump_of(room: VaryingRadius, sigma_um: float) -> Bump:
     values = _log_slope(room, sigma_um, nodes.ravel()).reshape(nodes.shape)
     basis = np.cos(np.arange(DEGREE + 1)[:, None] * angle) * 2 / (DEGREE + 1)
     basis[0] /= 2
-    return Bump(radius_um=room.radius_um, cuts_um=cuts, terms=basis @ values)
+    return MissDensity(radius_um=room.radius_um, cuts_um=cuts, terms=basis @ values)
 
 
 def radii_near(

@@ -20,7 +20,7 @@ from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import (
     TAIL_SIGMAS,
     VaryingRadius,
-    bump_of,
+    miss_density,
     radii_near,
 )
 from microplan.planner.budget.probability.quadrature import (
@@ -40,7 +40,7 @@ NEGLIGIBLE = 1e-15
 NODES = 16  # per piece along w
 
 
-def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> float:
+def probability_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> float:
     """Return the chance that an error reaches or passes a radius that varies.
 
     Parameters
@@ -71,7 +71,7 @@ def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> flo
         offset, weight = _sharp(room, breaks)
     else:
         offset, weight = blurred(room, sigma_um, breaks)
-    always = certain(room, sigma_um)
+    always = certain_miss(room, sigma_um)
     beyond = landing.beyond(room.radius_um, offset)
     # the weights sum to 1 up to rounding, which where edges are narrow beside the
     # radius is that of its position
@@ -119,10 +119,10 @@ def blurred(
     offset, weight = nodes_between_roots(
         cuts_between(low, np.concatenate(cuts), high), NODES
     )
-    return offset, weight * bump_of(room, sigma_um).at(offset)
+    return offset, weight * miss_density(room, sigma_um).at(offset)
 
 
-def certain(room: VaryingRadius, sigma_um: float) -> float:
+def certain_miss(room: VaryingRadius, sigma_um: float) -> float:
     """Return the chance of a miss where nothing but the normal rest errs."""
     start = -room.radius_um
     chance = 0.0

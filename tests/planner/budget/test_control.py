@@ -10,12 +10,12 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.control import (
-    GIVE_UP,
     control_of,
     folded_mean,
     tolerance_um,
 )
 from microplan.planner.budget.methods import (
+    GIVE_UP,
     AngleCorrection,
     angle_correction,
     method_of,

@@ -14,10 +14,10 @@ from microplan.planner.budget.insert_budget import LateralResidual, share_of_goa
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.placement import PlacementContext
 from microplan.planner.budget.placement_budget import (
+    angle_error,
     job_of,
     left_of,
     place_budget,
-    turning_of,
 )
 from microplan.planner.budget.placing import Placement, placing_budget, within
 from microplan.planner.budget.probability.angle_budget import AngleError
@@ -202,19 +202,21 @@ def test_a_second_alignment_places_closer_what_the_first_turned(task: Task) -> N
     found = put(both(), known)
     assert found is not None
     one = putting(task)
-    assert turning_of(found).rows == turning_of(one).rows
-    assert turning_of(found).cut_rad == turning_of(one).cut_rad
+    assert angle_error(found).rows == angle_error(one).rows
+    assert angle_error(found).cut_rad == angle_error(one).cut_rad
     # a disc of .04 um, evenly filled, has .02 um per axis
     assert job_of(found, left_of(found)).left_um == pytest.approx(0.02, rel=0.02)
     lost = replace(known, angles={})  # nobody knows the submount's angle any more
     blind = put(both(), lost)
     assert blind is not None
-    assert turning_of(blind).rows[1].sigma_rad == pytest.approx(math.radians(0.5))
+    assert angle_error(blind).rows[1].sigma_rad == pytest.approx(math.radians(0.5))
 
 
 def test_a_scale_that_looks_share_is_counted_once() -> None:
     known = memory()
-    die = replace(known.seen["die"], steady_um=0.007, place_um=(0.0, 145.0))
+    die = replace(
+        known.seen["die"], sigma_without_scale_um=0.007, place_um=(0.0, 145.0)
+    )
     found = put(read(), replace(known, seen={**known.seen, "die": die}))
     assert found is not None
     rows = {row.term: row for row in job_of(found, left_of(found)).blind}
@@ -226,10 +228,10 @@ def test_a_scale_that_looks_share_is_counted_once() -> None:
 
 
 def test_what_nobody_turns_keeps_its_angle(task: Task) -> None:
-    found = turning_of(putting(with_step(task, "over_site", tolerance_theta_rad=None)))
+    found = angle_error(putting(with_step(task, "over_site", tolerance_theta_rad=None)))
     spread = math.radians(0.5)  # of the submount; the jaws turn the die flat
     assert found.sigma_rad == pytest.approx(spread, rel=1e-3)
-    kept = turning_of(putting(task))
+    kept = angle_error(putting(task))
     assert kept.sigma_rad < math.radians(0.1) / math.sqrt(3) + 2e-4
 
 
