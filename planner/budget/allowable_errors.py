@@ -31,12 +31,12 @@ from microplan.schemas.plan import Budget
 from microplan.schemas.plan.verdicts import Allowed
 
 OTHER_ZOOM = 2.0  # any that is not the present one: every change has the same jump
-HOPELESS = 1e-3  # a chance elsewhere that decides nothing
+HOPELESS = 1e-3  # a probability at another zoom that decides nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmissibleError:
-    """How far off a look may be, 2 sigma and bias, without a change of zoom."""
+    """Largest error of a look, 2 sigma and bias, tolerated at the present zoom."""
 
     admissible_um: float | None = None  # the insertion still has its share of the goal
     # the insertion is as likely as with a faultless look at any other zoom
@@ -51,10 +51,10 @@ def admissible_errors(
     seen: Mapping[str, PastMeasurement],
     memo: Memo = EVERY_TIME,
 ) -> AdmissibleError:
-    """Return how far off an alignment's look may be for the insertion after it.
+    """Return the largest error of an alignment's look that the insertion tolerates.
 
     Twice the largest sigma of the look, its setting that of the last look at the same
-    part. Nothing if no insertion follows, nobody states a goal, or no sigma would do.
+    part. Nothing if no insertion follows, no goal is specified, or no sigma would do.
     """
     step, goal = insertion_after(states, align), share_of_goal(task)
     owner = owner_of(align.step.target or "")
@@ -84,7 +84,7 @@ def admissible_errors(
     )
 
 
-# Fewer tell nothing of their scatter: six degrees of freedom put a sigma to 30 %.
+# Fewer do not determine their scatter: six degrees of freedom put sigma to 30 %.
 LEAST_DRAWS = 4
 DIRECTIONS = (
     Direction("focus", -1),
@@ -188,7 +188,7 @@ def _drifts(
     context: CompileContext,
     draws: int,
 ) -> dict[Direction, float]:
-    """Return the last drift borne in every direction by one feature of a look."""
+    """Return the last drift tolerated in every direction by one feature of a look."""
     search = ToleranceSearch(
         case=found.tried.case,
         prepared=alone(found.tried.comparison.prepared, found.chosen.chain),

@@ -1,4 +1,4 @@
-"""Error budgets of the mechanical actions: every term with its source."""
+"""Error budgets of mechanical actions: every term with its source."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ TILT_IN_JAWS = BudgetRow(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PastMeasurement:
-    """What a look promised of its target: the compile-time memory of a measurement."""
+    """Accuracy of the last look at a target, as known at compile time."""
 
     name: str
     step: str  # id of the step that looked
     sigma_um: float
     magnification: float
     focus_um: float
-    distortion_sigma_um: float  # at the target's place
-    coherence_um: float  # how far partly coherent light moves its middle
+    distortion_sigma_um: float  # at the target's position
+    coherence_um: float  # displacement of its middle by partly coherent light
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
-    # `sigma_um` without what the zoom's scale makes of the place; None: the same
+    # `sigma_um` without the magnification error; None: the same
     sigma_without_scale_um: float | None = None
 
     @property
@@ -47,7 +47,7 @@ class PastMeasurement:
 
 
 def fit_of(task: Task, insert: StepState) -> RoundFit | None:
-    """Return the fit of an insertion, None if its hole or shaft is not round."""
+    """Return the round fit of an insertion, None if hole or shaft is not round."""
     mating = mating_of(task, insert.step, insert.after)
     if mating is None:
         return None
@@ -71,10 +71,10 @@ def blind_rows(
     *,
     doing: str = "inserting",
 ) -> tuple[BudgetRow, ...]:
-    """Return the terms of an insertion, or of a placement, that the servo cannot see.
+    """Return the error rows of an insertion, or a placement, unseen by the servo.
 
     `travel_um` is how far stage and robot go in z, each along an axis of its own tilt;
-    `takes_s` how long that takes.
+    `takes_s` the time of that, s.
     """
     rows = []
     stage_um, robot_um = travel_um["stage"], travel_um["robot"]
@@ -152,7 +152,7 @@ def _measured_row(seen: PastMeasurement) -> BudgetRow:
 def _scale_row(
     cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement, *, zoomed: bool
 ) -> BudgetRow:
-    """Return what an unknown magnification moves, along the line from the axis."""
+    """Return the displacement by an unknown magnification, away from the axis."""
     far_um = [math.hypot(*seen.place_um) for seen in (hole, shaft)]
     x_um, y_um = (hole if far_um[0] >= far_um[1] else shaft).place_um
     apart_um = math.hypot(*far_um)  # two zooms err by themselves
@@ -215,7 +215,7 @@ EMPTY_BUDGET = Budget(rows=(), limit_um=None, success_probability=1.0, advice=""
 
 
 def _inside(half_um: float, offset_um: float, sigma_um: float) -> float:
-    """Return the chance that a normal place about `offset_um` is within +-half."""
+    """Return the probability that a normal error about `offset_um` is within +-half."""
     if half_um <= 0:
         return 0.0
     if sigma_um <= 0:

@@ -1,4 +1,4 @@
-"""The error budget of an insertion: its fit, its rows, its probability."""
+"""Error budget of an insertion: fit, rows, probability."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def insertion_of(
     left: LateralResidual,
     seen: Mapping[str, PastMeasurement],
 ) -> Insertion | None:
-    """Return the insertion that starts from what is `left` sideways.
+    """Return the insertion that starts from the lateral residual `left`.
 
     `seen` are the last looks by owner. None if hole or shaft is not round.
     """
@@ -69,7 +69,7 @@ def insertion_of(
 
 
 def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float]:
-    """Return how far, um, and in which direction, rad, places are nominally apart.
+    """Return the nominal distance, um, and direction, rad, of two positions.
 
     (0, 0) where it is rounding.
     """
@@ -80,7 +80,7 @@ def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float
 
 
 def insert_s(task: Task, insert: StepState) -> float:
-    """Return how long an insertion's own moves take in z, one after the other."""
+    """Return the time of an insertion's own moves in z, s, one after the other."""
     travel = travel_of(insert)
     stated = insert.step.speed_um_per_s
     return sum(
@@ -90,7 +90,7 @@ def insert_s(task: Task, insert: StepState) -> float:
 
 
 def travel_of(insert: StepState) -> Mapping[Carrier, float]:
-    """Return how far stage and robot travel in z while inserting, um."""
+    """Return the travel of stage and robot in z while inserting, um."""
     before, after = insert.before, insert.after
     return {
         "stage": abs(after.stage.z_um - before.stage.z_um),
@@ -104,7 +104,7 @@ OFFSET_TERM = "offset that the moves leave"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralResidual:
-    """What is left sideways before an insertion, with its name in the budget."""
+    """Lateral residual before an insertion, with its name in the budget."""
 
     residual: Residual
     term: str
@@ -206,7 +206,7 @@ def advice_of(found: BudgetAnalysis) -> str:
 
 
 def share_of_goal(task: Task) -> float:
-    """Return the chance that every step which may miss must reach.
+    """Return the required probability of every step that may miss.
 
     The goal's root: each of n grasps, insertions and releases gets the same share of
     the failures, so that together they meet the goal. 0 without a goal.

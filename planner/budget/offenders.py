@@ -1,4 +1,4 @@
-"""What an insertion's chance hangs on: offenders, cheapest changes, yield curves."""
+"""Sensitivity of an insertion's probability: offenders, changes, yield curves."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from microplan.optics.outline.tolerant_order import ordered
 from microplan.planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
 from microplan.schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
 
-# Slopes are central differences over this share of a term: chances are right to 1e-12,
-# so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.
+# Slopes are central differences over this share of a term: probabilities are right to
+# 1e-12, so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.
 STEP = 1e-3
 # Terms are searched up to this many capture radii, where no insertion succeeds by
 # design, and to this share of what is found.
@@ -34,7 +34,7 @@ Sizes = Sequence[tuple[str, str, float]]  # name in the budget, key of `scaled`,
 
 
 def offenders(job: Insertion, sizes: Sizes, goal: float) -> tuple[Offender, ...]:
-    """Return every term that is not zero, by what halving it would gain.
+    """Return the offenders: every term that is not zero, by the gain of halving it.
 
     Parameters
     ----------
@@ -73,11 +73,11 @@ def changes(
     *,
     widen: str = WIDEN_HOLE,
 ) -> tuple[Change, ...]:
-    """Return what would give the goal, the cheapest first; () if it is met.
+    """Return the changes that reach the goal, the cheapest first; () if it is met.
 
     A change costs as many halvings of a term, or doublings of the clearance, as it
-    takes; another method costs none. `methods` are others with their chances; `widen`
-    says what a larger radius means, by `half` and by `wider` on the diameter.
+    takes; another method costs none. `methods` are others with their probabilities;
+    `widen` says what a larger radius means, by `half` and by `wider` on the diameter.
     """
     if 1 - job.miss >= goal:
         return ()
@@ -102,7 +102,7 @@ def changes(
 
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:
-    """Return the chance over the shaft's diameter, the hole as it is."""
+    """Return the yield curve over the shaft's diameter, um."""
     hole = 2 * job.fit.hole_um
     clearance = hole - 2 * job.fit.shaft_um
     points = []
@@ -114,7 +114,7 @@ def yield_over_shaft(job: Insertion) -> YieldCurve:
 
 
 def yield_over_tolerance(job: Insertion) -> YieldCurve:
-    """Return the chance over the larger profile tolerance, both growing alike."""
+    """Return the yield curve over the larger profile tolerance, um."""
     largest = max(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
     shares = np.linspace(*TOLERANCE_SHARES, YIELD_POINTS)
     points = [
@@ -215,7 +215,7 @@ def _log_odds(hit: float, miss: float) -> float:
 
 
 def edge(spare: Callable[[float], float], low: float, high: float) -> float:
-    """Return about where `spare` turns negative, from below, to a share of SHARP.
+    """Return the root of `spare`, from below, to a share of SHARP.
 
     It is not negative at `low`, and negative at `high` or beyond.
     """

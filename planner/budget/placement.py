@@ -1,4 +1,4 @@
-"""What a release puts down where no shaft holds it, and what moved on the way."""
+"""Placement context of a release: the steps before that determine its errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from microplan.planner.views.view_times import move_times
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementContext:
-    """A release, the step that checks it, and what brought the part there."""
+    """A release, the step that verifies it, and the steps that brought the part."""
 
     task: Task
     states: tuple[StepState, ...]
@@ -48,7 +48,7 @@ class PlacementContext:
 
     @property
     def seat(self) -> str:
-        """Return the part that it is put beside."""
+        """Return the part that it is placed against."""
         return owner_of(self.verify.on or "")
 
     @property
@@ -58,11 +58,11 @@ class PlacementContext:
 
     @property
     def told(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
-        """Return the last looks that told the angles of part and seat as they are."""
+        """Return the last looks that measured the angles of part and seat."""
         return (self._told(self.part), self._told(self.seat))
 
     def _told(self, name: str) -> PastMeasurement | None:
-        """Return the last look since the grasp that told the angle of a part."""
+        """Return the last look since the grasp that measured the angle of a part."""
         last = self.memory.seen.get(name)
         if last is None or last.sigma_theta_rad is None:
             last = self.memory.angles.get(name)
@@ -76,7 +76,7 @@ def placement_context(
     here: StepState,
     memory: MeasurementHistory,
 ) -> PlacementContext | None:
-    """Return what is put down by a release, None if no later step states where."""
+    """Return the placement of a release, None if no later step specifies one."""
     index, part = states.index(here), owner_of(here.step.target or "")
     verify = _verify_after(task, here.step)
     if verify is None or verify.on is None:
@@ -135,7 +135,7 @@ def _owners(align: TaskStep) -> set[str]:
 
 
 def moves_s(task: Task, steps: Sequence[StepState]) -> float:
-    """Return how long the moves of steps take, settling included."""
+    """Return the time of the moves of steps, s, settling included."""
     total = 0.0
     for here in steps:
         state = here.before
@@ -155,7 +155,7 @@ def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
 
 
 def lever_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
-    """Return the way between two points of a part, in the world's axes."""
+    """Return the vector between two points of a part, um in the world."""
     part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
     (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))
     return (x1 - x0, y1 - y0)

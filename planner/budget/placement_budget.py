@@ -1,4 +1,4 @@
-"""The budget of putting a part down: what looks, moves and angles leave."""
+"""Error budget of a placement from looks, moves, angles."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def place_budget(
     memory: MeasurementHistory,
     context: CompileContext,
 ) -> tuple[Budget, PlacingVerdict] | None:
-    """Return what a release leaves of a placement, None if nobody states a tolerance.
+    """Return the budget of a placement, None if no tolerance is specified.
 
     A part on a shaft is the insertion's.
     """
@@ -84,7 +84,7 @@ def place_budget(
 
 
 def left_of(put: PlacementContext) -> LateralResidual:
-    """Return what the alignment leaves sideways."""
+    """Return the lateral residual of the alignment before a release."""
     if put.align is None:
         parts = (put.part, put.seat)
         since = "of them since the part was taken"
@@ -100,7 +100,7 @@ def left_of(put: PlacementContext) -> LateralResidual:
 
 
 def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
-    """Return the errors of the place, against the tolerance that is stated."""
+    """Return the lateral errors of a placement, with its tolerance as the fit."""
     names = (put.verify.target or "", put.verify.on or "")
     offset_um, offset_rad = apart(put.task, put.release.after, *names)
     return Insertion(
@@ -114,7 +114,7 @@ def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
 
 
 def _placement(put: PlacementContext) -> Placement:
-    """Return what is put where, and what is asked of it."""
+    """Return the placement of a release, with its tolerances."""
     target, tool = put.verify.target or "", put.release.before.tool
     tools = put.task.workcell.tools
     return Placement(
@@ -169,7 +169,7 @@ def _angle_rad(seen: PastMeasurement | None, spread_rad: float) -> float:
 
 
 def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
-    """Yield the terms of the place that the alignment cannot see."""
+    """Yield the terms of the position that the alignment cannot see."""
     task, release = put.task, put.release.before
     start = release if put.align is None else put.align.after
     first = put.since_seen[0].before if put.since_seen else release
@@ -185,7 +185,7 @@ def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
 
 
 def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
-    """Yield what turns of the axes add after the looks."""
+    """Yield the errors that rotations of the axes add after the looks."""
     for carrier, steps in _since(put):
         moves = moves_of(steps, carrier)
         if any(move.to.theta_rad is not None for move in moves):
@@ -198,13 +198,13 @@ def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
 
 
 def _since(put: PlacementContext) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
-    """Return the steps in which each carrier must not turn."""
+    """Return the steps in which each carrier must not rotate."""
     stage = put.since_align if put.turned is None else put.since_turned
     return (("stage", stage), ("robot", put.since_seen))
 
 
 def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
-    """Yield what errors of angles move what is placed."""
+    """Yield the displacements by errors of angles."""
     if put.align is None:
         return
     state = put.release.before
@@ -227,7 +227,7 @@ def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
 
 
 def _lever(term: str, sigma_rad: float, way: Point) -> Iterator[BudgetRow]:
-    """Yield what an angle moves at the end of a way, across it; nothing if short."""
+    """Yield the displacement by an angle at the end of a lever, if it is long."""
     arm_um = math.hypot(*way)
     if arm_um > ROUNDING_UM:
         yield BudgetRow(

@@ -1,4 +1,4 @@
-"""The budget of putting a part down where nothing but friction holds it."""
+"""Error budget of a placement that only friction holds."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SHARP = 1e-3  # of a quantile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """What a release puts where, and what a later step asks of it."""
+    """Placement of a part by a release, with the tolerances of a later step."""
 
     target: str
     on: str
@@ -49,14 +49,14 @@ class Placement:
 
 
 def within(radius_um: float) -> RoundFit:
-    """Return a tolerance as a hole over a shaft of no width."""
+    """Return a tolerance as a fit: a hole over a shaft of no width."""
     return RoundFit(
         hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
     )
 
 
 def other_success(placed: Placement, turning: AngleError) -> float:
-    """Return the chance that the angle is within its limit and nothing sticks."""
+    """Return the probability that the angle is within its limit, nothing sticking."""
     limit = placed.within_rad
     turned = 0.0 if limit is None else turning.beyond(limit)
     return (1 - turned) * (1 - placed.stick_probability)
@@ -77,7 +77,7 @@ def placing_budget(
     placed : Placement
         What is put where.
     job : Insertion
-        The place's errors, in a fit that `within` makes of the tolerance.
+        The position's errors, in a fit that `within` makes of the tolerance.
     left : Left
         What the alignment leaves sideways, with its name.
     turning : Turning
@@ -87,10 +87,10 @@ def placing_budget(
 
     Notes
     -----
-    Place, angle and sticking count as independent. An error of the angle also moves the
-    place: what they share makes both go wrong together rather than one after the other,
-    so that the product errs on the safe side. What the looks' settings bear is left
-    open.
+    Position, angle and sticking count as independent. An error of the angle also moves
+    the position: what they share makes both fail together rather than separately, so
+    that the product errs on the safe side. The allowable errors of the
+    looks' settings are left open.
     """
     stick = (
         f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
@@ -135,7 +135,7 @@ def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingV
 
 
 def placing_words(step: str, found: PlacingVerdict) -> str:
-    """Return a placement in words, every number with its unit."""
+    """Return the description of a placement, every number with its unit."""
     words = (
         f"step {step!r}: {found.target} lies within {found.within_um:g} um of "
         f"{found.on} with P {chance(found.place_probability)}; half of all within "
@@ -152,7 +152,7 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
 
 
 def _yield_over(job: Insertion) -> YieldCurve:
-    """Return the chance over the tolerance."""
+    """Return the yield curve over the tolerance."""
     points = []
     for share in np.linspace(*YIELD_SHARES, YIELD_POINTS):
         radius = job.fit.hole_um * float(share)

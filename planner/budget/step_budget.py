@@ -1,4 +1,4 @@
-"""The error budget of one step, with its verdicts on fit, grasp, release."""
+"""Error budget of one step, with its verdicts on fit, grasp, release."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def report_handling(
     report: Report,
     placing: PlacingVerdict | None = None,
 ) -> None:
-    """Report how a part is held, whether it stays and where, with the numbers."""
+    """Report the verdicts on grasp, release, placement, with their numbers."""
     step = here.step
     if placing is not None:
         report.note("MP615", step.where, placing_words(step.id, placing))
@@ -91,7 +91,7 @@ def report_handling(
 
 
 def _stands(grasp: GraspVerdict) -> str:
-    """Return how a part stands between the jaws, in words."""
+    """Return the description of a part between the jaws."""
     narrow, wide = grasp.width_range_um
     words = (
         f"{grasp.room_um:.3g} um beside it, {grasp.needed_um:.3g} um needed at 3 sigma;"
@@ -157,9 +157,9 @@ def left_of(
     insert: StepState,
     memory: MeasurementHistory,
 ) -> LateralResidual:
-    """Return what the alignment before an insertion leaves.
+    """Return the lateral residual of the alignment before an insertion.
 
-    Without one nothing is cut off: all that is known of both parts' places is left.
+    Without one nothing is cut off: the parts' position errors are left.
     """
     aligns = [s for s in states if s.step.verb == "align"]
     align = next((s for s in aligns if insertion_after(states, s) is insert.step), None)

@@ -1,4 +1,4 @@
-"""A look compiled as one, or as a coarse look and a fine one after it."""
+"""Coarse-to-fine measurement: a look of its own, or a coarse and a fine one."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def compile_looks(
     *,
     known: Begun | None = None,
 ) -> tuple[CompiledLook, ...]:
-    """Return what a request is looked at by: one look, or a coarse one and a fine one.
+    """Return the looks of a request: one, or a coarse one followed by a fine one.
 
     Empty if there is a reason why it cannot be done, which is reported. `current` is
-    the magnification that the microscope is at, `known` what a contest has shown of a
+    the magnification that the microscope is at, `known` has results of a
     single look already.
     """
     plain = Report()
@@ -53,7 +53,7 @@ def compile_looks(
 
 
 def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
-    """Return how long a target takes to centre before its fine look."""
+    """Return the times that a target takes to centre before its fine look."""
     spot = target_pose(task, request, needed_shape(task, request))
     return centre_times(task, spot.carrier, spot.sigma_xy_um)
 
@@ -90,7 +90,7 @@ def _pair(
 
 
 def _seen(look: CompiledLook) -> CoarseLook:
-    """Return what a coarse look tells: at an unknown angle its bias stays."""
+    """Return the accuracy of a coarse look: at an unknown angle its bias stays."""
     bias_um = math.hypot(*look.look.measure.bias_um)
     return CoarseLook(
         sigma_um=math.hypot(

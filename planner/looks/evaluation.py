@@ -1,4 +1,4 @@
-"""Evaluations of a look's features, with the arrays they give the plan."""
+"""Evaluations of a look's features, with the prepared arrays of their routines."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TestedFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureRanking:
-    """How the features of one look are compared."""
+    """The ranking of the features of one look by Feddema's criteria."""
 
     case: LookCase  # of the look's own target
     radius_um: float  # scales the rotation
@@ -90,7 +90,7 @@ class FeatureRanking:
         sights: Sequence[FeatureMeasurement],
         sigma_um: float,
     ) -> p.FeatureRow:
-        """Return a set that is used by Feddema's criteria."""
+        """Return the set that is used by Feddema's criteria."""
         found = set_criteria(
             [_candidate(r, s) for r, s in zip(raced, sights, strict=True)],
             sigma_um,
@@ -102,7 +102,7 @@ class FeatureRanking:
 
 
 def unseen(case: LookCase) -> str:
-    """Return why a feature cannot be looked for in the region, "" if it can."""
+    """Return why a feature cannot be searched for in the region, "" if it can."""
     target, window = case.target, case.window
     if not target.contour:
         return "its edges are not drawn"
@@ -115,7 +115,7 @@ def unseen(case: LookCase) -> str:
 
 
 def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
-    """Return a raced feature as criteria want it."""
+    """Return a tested feature as a candidate of the criteria."""
     return Candidate(
         feature=raced.feature,
         score=raced.chosen,
@@ -147,11 +147,11 @@ class ChosenSet:
     score: ChainScore  # of fresh trials of all of them
     found: FeatureSet
     least: int  # that must answer
-    shared_um: float  # one sigma of the target's place on the part, as made
+    shared_um: float  # sigma of the target's position on the part, as fabricated
 
     @property
     def sigma_um(self) -> float:
-        """Return the spread of the target's place; the worse of trials and model."""
+        """Return sigma of the target's position, um; the worse of trials and model."""
         seen = max(self.score.sigma_um or 0.0, self.found.known.sigma_um)
         return math.hypot(seen, self.shared_um)
 

@@ -1,4 +1,4 @@
-"""Evidence of a look for its report: positions, trials, images of trials."""
+"""Evidence of a look for its report: positions, trials, pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from microplan.schemas.pose import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookFigures:
-    """What reports show of a look, with its pictures by their path in the folder."""
+    """Figures of a look for reports, with its pictures by their path in the folder."""
 
     evidence: LookEvidence
     pictures: Mapping[str, Picture]
@@ -40,7 +40,7 @@ _ENDS = ("focus", "focus", "magnification", "magnification")
 def evidence_of(
     task: Task, request: Request, found: Sequence[MeasuredFeature], memo: Memo
 ) -> LookFigures:
-    """Return what a report shows of a look that measures these features.
+    """Return the figures of a look at these features for its report.
 
     Nothing is rendered but the worst trial, once more: which it is was not known when
     it was made. The images at the ends of the range are those of the search for them.

@@ -1,4 +1,4 @@
-"""Several features of one look: which set of them is used, and why."""
+"""Choice of the set of features that one look measures together."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from microplan.schemas import plan as p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSetResult:
-    """What the search for a set came to."""
+    """Result of the search for a set of features."""
 
     chosen: ChosenSet | None
     rows: tuple[p.FeatureRow, ...]
@@ -87,7 +87,7 @@ class FeatureSetSearch:
         said: Mapping[str, str],
         advice: str,
     ) -> p.FeatureRow:
-        """Return what the plan says of a feature that was raced."""
+        """Return the plan's row of a feature that was evaluated."""
         if sight is None:
             why = f"rejected: {raced.tried.comparison.selection.advice}"
             return self._judged.row(raced, None, why)
@@ -154,9 +154,9 @@ class FeatureSetSearch:
 
     @property
     def _need(self) -> PoseRequirement:
-        """Return what a set has to tell: two sigma within each tolerance.
+        """Return the required accuracy of a set: two sigma within each tolerance.
 
-        Where the target alone does, a set has to leave the room that it does not.
+        Where the target alone does, a set has to keep the margin that it does not.
         """
         case = self.tried.case
         is_whole = self._effort.thorough or self._chosen_alone is None
@@ -172,16 +172,16 @@ class FeatureSetSearch:
 
     @property
     def _judged(self) -> FeatureRanking:
-        """Return how features are compared: a turn counts as its corners' way."""
+        """Return the ranking of features: a rotation counts as its corners' path."""
         x0, y0, x1, y1 = self.problem.shape.box_um
         radius_um = math.hypot(x1 - x0, y1 - y0) / 2
         return FeatureRanking(case=self.tried.case, radius_um=radius_um)
 
     def _sight(self, raced: TestedFeature) -> FeatureMeasurement:
-        """Return a feature as the search for a set has it.
+        """Return the measurement of a feature, as the search for a set uses it.
 
-        The target is where the look is to find it; on a part as made its edges and
-        those of others lie off the drawing, each by the profile tolerance.
+        The target is where the look is to find it; on a part as fabricated its edges
+        and those of others lie off the drawing, each by the profile tolerance.
         """
         shape = self.problem.shape
         return sight_of(
@@ -194,12 +194,12 @@ class FeatureSetSearch:
 
     @property
     def _made_um(self) -> float:
-        """Return one sigma of where a part as made has an edge, uniform within."""
+        """Return sigma of the edges of a fabricated part, um, uniform within."""
         part = self.problem.task.parts.get(self.problem.shape.owner)
         return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
 
     def _shared_um(self, raced: Sequence[TestedFeature], found: FeatureSet) -> float:
-        """Return what the target's own making adds to a set: others do not see it.
+        """Return what the target's fabrication adds to a set, um: others do not see it.
 
         In so far as the target itself is measured its weight takes that off.
         """
@@ -258,7 +258,7 @@ class FeatureSetSearch:
 
 
 def wanted(tried: Evaluation, effort: Effort) -> bool:
-    """Return whether more features are raced though the target alone does."""
+    """Return whether more features are evaluated though the target alone does."""
     if effort.thorough:
         return True
     return effort.limited and not has_margin(tried.case, tried.comparison.selection)

@@ -1,4 +1,4 @@
-"""The record of a decided look in the plan, with its effects ledger."""
+"""Record of a compiled look in the plan, with its effects ledger."""
 
 from __future__ import annotations
 
@@ -61,23 +61,23 @@ from microplan.schemas.plan.views import ZoomTried
 # Beyond this the target's frame is not the world's, in which a scale acts.
 SMALL_RAD = 0.2
 NOTHING = 0.1  # of sigma: half a percent of its square
-LEAST = 3  # answers from which a spread is worth having
+LEAST = 3  # answers from which a standard deviation is estimated
 
 
 def sigma_without_scale_um(
     tried: Evaluation, chosen: ChainScore, root_seed: int
 ) -> float:
-    """Return one sigma of a chain's place, the larger axis, less the trials' scale.
+    """Return sigma of a chain's position, um, without the magnification error.
 
     A trial at the zoom ratio r shows a target at p from the axis at r p. Two looks at
     one zoom share that error, so that a budget of both has it once, by the distance
-    between their places; here it is taken off, trial by trial.
+    between their positions; here it is taken off, trial by trial.
 
     Returns
     -------
     float
         Infinite where it is not known, at any angle or of too few answers, and where
-        the scale makes next to nothing of the place.
+        the scale contributes next to nothing.
     """
     case, place_um = tried.case, np.array([tried.case.x_um, tried.case.y_um])
     scale_um = float(np.hypot(*place_um)) * case.spread.magnification_sigma
@@ -169,7 +169,7 @@ class CompiledLook:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookDecision:
-    """What a look measures, and what was tried before that was settled."""
+    """The features that a look measures, with all that was evaluated before."""
 
     tried: Evaluation  # of its target
     found: tuple[MeasuredFeature, ...]  # the features measured, the target first
@@ -184,7 +184,7 @@ def measured(
     shape: TargetShape | None = None,
     sigma_um: float | None = None,
 ) -> MeasuredFeature:
-    """Return a feature with the range and the bias of its chain.
+    """Return a measured feature with the range and the bias of its chain.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def measured(
 
 
 def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
-    """Return what the plan says of a look, with its files."""
+    """Return the record of a look in the plan, with its files."""
     task, request, shape = problem.task, problem.request, problem.shape
     case, memo, found = decided.tried.case, problem.context.memo, decided.found
     image = reference_image(task, request, case, memo)
@@ -283,7 +283,7 @@ def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look
 def reference_image(
     task: Task, request: Request, case: LookCase, memo: Memo = EVERY_TIME
 ) -> Picture:
-    """Return the whole frame at the nominal state by the exact law, 8 bit.
+    """Return the whole frame at the nominal state by the exact model, 8 bit.
 
     What the case's fidelity was chosen for is its region.
     """

@@ -1,4 +1,4 @@
-"""What the plan says of how a look measures a feature."""
+"""The plan's record of the measurement of one feature."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SPREAD_MARGIN = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredFeature:
-    """A feature that a look measures, and how well."""
+    """A feature that a look measures, with its accuracy and usable range."""
 
     shape: TargetShape
     tried: Evaluation
@@ -40,13 +40,13 @@ class MeasuredFeature:
     usable: UsableRange
     curve: BiasCurve | None  # of the bias through focus
     depth: p.Depth | None
-    sigma_um: float | None  # that its place counts with; None: what trials showed
+    sigma_um: float | None  # that its position counts with; None: that of the trials
 
 
 def measure_record(
     request: Request, target: TargetShape, found: MeasuredFeature
 ) -> p.Measure:
-    """Return how the look measures a feature, with what the trials promise."""
+    """Return the measurement of a feature, with the accuracy found in trials."""
     tried, shape, chosen = found.tried, found.shape, found.chosen
     case, spare = tried.case, tried.comparison.selection.fallback
     spare_chain = () if spare is None else spare.chain
@@ -92,14 +92,14 @@ def measure_record(
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
-    """Return the spread of a fallback, with what the chain's own has beside trials."""
+    """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
     beside = math.sqrt(max(counts**2 - own**2, 0.0))
     return math.hypot(spare.sigma_um or 0.0, beside)
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
-    """Return the spread of the angle; of one of several features, its bias in it."""
+    """Return sigma of the angle; of one of several features, its bias included."""
     sigma = found.chosen.sigma_theta_rad
     if sigma is None or found.sigma_um is None:
         return sigma
@@ -107,7 +107,7 @@ def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
 
 
 def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
-    """Return what the usable focus range of a feature stands beside."""
+    """Return the depths of field to compare a usable focus range with."""
     low, high = (float(v) for v in contrast(case, usable.focus_um))
     turned_um = spurious_um(case)
     return p.Depth(
@@ -118,7 +118,7 @@ def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
 
 
 def look_key(request: Request, target: TargetShape, shape: TargetShape) -> str:
-    """Return what the files of a look's feature are called after."""
+    """Return the name that the files of a look's feature begin with."""
     return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
 
 
@@ -131,7 +131,7 @@ def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
 
 
 def _gates(tried: Evaluation, chosen: ChainScore) -> p.Gates:
-    """Return what a measurement must meet: what every good trial met, and a margin."""
+    """Return the acceptance gates of a measurement: all good trials and a margin."""
     good = _good(tried, chosen)
     spreads = [o.spread_um for o in good if o.spread_um is not None]
     widest = SPREAD_MARGIN * max(spreads, default=0.0)
@@ -162,10 +162,10 @@ def _good(tried: Evaluation, chain: ChainScore) -> list[Outcome]:
 
 
 def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
-    """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
+    """Return d(u, v) / d(x, y, theta, zoom) at the nominal position.
 
-    Columns as in `microplan.optics.lens.jacobian.point_jacobian`; the turn is about the
-    target.
+    Columns as in `microplan.optics.lens.jacobian.point_jacobian`; the rotation is about
+    the target.
     """
     here_um = (case.x_um, case.y_um)
     point = to_px(np.array([here_um]), case.microscope)

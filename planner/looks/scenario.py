@@ -1,4 +1,4 @@
-"""A look as a case for the benchmark: scene, target, spreads and defocus law."""
+"""A measurement look as a case for trials: scene, target, uncertainties, optics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 MOST_TOGETHER = 4  # features that one look measures
 # of the look's tolerances that each of them has: their mean is as much better
 SHARE_TOGETHER = math.sqrt(MOST_TOGETHER)
-_FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
+_FOCUS_SIGMAS = 2.0  # a model must hold so far from the nominal focus
 
 
 def build_case(
@@ -43,7 +43,7 @@ def build_case(
     max_image_error: float,
     memo: Memo = EVERY_TIME,
 ) -> tuple[LookCase, Fidelity]:
-    """Return the case that routines are tried on, and why it is rendered as it is."""
+    """Return the case of a look for trials, with the fidelity of its rendering."""
     shape = needed_shape(task, request)
     spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
@@ -114,7 +114,7 @@ def feature_case(
     # the sum, not the root of squares: extreme trials have both at once
     sigma_um = target_pose(task, request, target).sigma_xy_um + swing_um
     spot = replace(target_pose(task, request, shape), sigma_xy_um=sigma_um)
-    # a round one tells no angle: others do
+    # a round one has no angle: others do
     angle = None if shape.symmetry == 0 else _angle_tolerance(request, shape)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
@@ -163,7 +163,7 @@ def _lamp(
 def _treatment(
     imaged: Scene, view: ViewPlan, spread: TrialSpread, max_image_error: float
 ) -> str:
-    """Return how layers are laid over each other; the dearer way must keep the limit.
+    """Return the treatment of layers; the more expensive one must keep the limit.
 
     In coaxial light nothing is traced: that takes seconds an image.
     """
@@ -193,7 +193,7 @@ def _placed(layer: Layer, spot: Place) -> Layer:
 def _layers(
     task: Task, request: Request, shape: TargetShape, view: ViewPlan
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
-    """Return what stands still in the trials, and what moves with the target."""
+    """Return the layers that are fixed in trials, and those that move."""
     scene = world_scene(task, request.state)
     seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
     own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
@@ -241,14 +241,14 @@ def _target(
 
 
 def _sigma_theta(task: Task, spot: Place) -> float:
-    """Return the spread of the target's angle in the trials."""
+    """Return sigma of the target's angle in the trials, rad."""
     return math.hypot(spot.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
 
 
 def _spread(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> TrialSpread:
-    """Return what the trials perturb: the task's benchmark and the spreads of places.
+    """Return the perturbations of trials: the task's benchmark and the poses' sigmas.
 
     Of the lens only what changes how the target looks: what moves the whole image is a
     term of the error budget.
@@ -271,7 +271,7 @@ def _spread(
 def _occluder_sigma_um(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> float:
-    """Return the spread of what stands higher than the target, the least known of it.
+    """Return sigma of the occluders' position, um, that of the least known one.
 
     What lies lower hides nothing.
     """
@@ -282,9 +282,9 @@ def _occluder_sigma_um(
 def _turning(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> tuple[UnknownRotation, ...]:
-    """Return the parts that stand higher than the target at an angle nobody knows.
+    """Return the parts higher than the target whose angle is uncertain.
 
-    A tool's angle is in the spread of its tips.
+    A tool's angle is in the uncertainty of its tips.
     """
     higher = [n for n in _higher(spot, static) if n in task.parts]
     return tuple(
@@ -300,14 +300,14 @@ def _turning(
 
 
 def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
-    """Return whose layers stand higher than the target, by name."""
+    """Return the owners of layers higher than the target, by name."""
     return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
 
 
 def _angle_tolerance(request: Request, shape: TargetShape) -> float | None:
-    """Return how well the angle must be known, None if it need not be."""
+    """Return the tolerance of the angle, rad, None if it need not be known."""
     if request.needs_angle_rad is not None:
-        return request.needs_angle_rad  # of a round target by features beside it
+        return request.needs_angle_rad  # of a round target by other features
     if shape.symmetry == 0:
         return None  # it has none
     if not request.wants_angle or shape.kind == "jaws":

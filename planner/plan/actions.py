@@ -1,4 +1,4 @@
-"""What a step does, as the plan has it: its action, with moves, looks and sweeps."""
+"""Action of a step in the plan, with its moves, looks, sweeps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LEAST_STOPS = 9
 
 
 def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
-    """Return what the step does."""
+    """Return the action of a step."""
     step, target = here.step, here.step.target or ""
     tool = step.tool or here.before.tool or ""
     if step.verb == "locate":

@@ -1,4 +1,4 @@
-"""The compiler: a straight line from a task to a plan folder's content."""
+"""The compiler: a pipeline from a task to the content of a plan folder."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def build_plan(
 def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
     """Yield a pool of `jobs` processes, None for a single one.
 
-    What is still under way at the end is not wanted any more.
+    What still runs at the end is cancelled.
     """
     if jobs <= 1:
         yield None
@@ -140,7 +140,7 @@ def _steps(
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `tell` is told how many steps are done, of how many, and which one comes next. Looks
+    `tell` is called with the steps done, their number and the next step's id. Looks
     are compiled in the processes of a `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
@@ -167,7 +167,7 @@ def _steps(
 def _report_goal(
     task: Task, steps: Sequence[p.Step], chance: float | None, report: Report
 ) -> None:
-    """Report a plan whose chance of success is below the goal."""
+    """Report a plan whose success probability is below the goal."""
     goal = task.success_goal
     if goal is None or chance is None or chance >= goal:
         return
@@ -192,7 +192,7 @@ def _reasons(task: Task, report: Report) -> tuple[p.Reason, ...]:
     What cannot be done at all comes before what is only too unlikely.
     """
     found = [d for d in report.in_order if d.severity == "infeasible"]
-    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by place in the file
+    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by position in the file
     return tuple(
         p.Reason(code=d.code, step=_step_at(task, d.where), message=d.message)
         for d in found
@@ -209,7 +209,7 @@ def _step_at(task: Task, where: Span) -> str:
 
 
 def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:
-    """Return what the plan was made from."""
+    """Return the provenance of the plan: versions, digests, seed."""
     return p.Provenance(
         microplan=version("microplan"),
         task_sha256=_digest(task.normalised),
@@ -239,7 +239,7 @@ def _digest(data: object) -> str:
 
 
 def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
-    """Return where everything is thought to be before step 1."""
+    """Return the initial pose of every part and the tool, with its uncertainty."""
     found = [
         p.Belief(
             name=name,
@@ -265,7 +265,7 @@ def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
 
 
 def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
-    """Return where named features sit in their owners."""
+    """Return the positions of named features in their owners' frames, um."""
     centers = {
         f"{part.name}.{name}": (part.name, center)
         for part in task.parts.values()
@@ -287,7 +287,7 @@ def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
 
 
 def _inputs(report: Report) -> dict[str, object]:
-    """Return what was read, and versions of what made the plan; never compared."""
+    """Return the input files and the versions of libraries; never compared."""
     names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
     return {
         "files": dict(sorted(report.files.items())),

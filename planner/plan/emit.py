@@ -1,4 +1,4 @@
-"""What a compile makes, and the plan folder it becomes."""
+"""Serialisation of a compile to the bytes of a plan folder."""
 
 from __future__ import annotations
 

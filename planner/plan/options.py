@@ -1,4 +1,4 @@
-"""Options of the command line: of a compile, of the axes that a tradeoff varies."""
+"""Options of a compile, with the axes that a tradeoff varies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from microplan.planner.task.presets import Effort, Preset
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What the command line may override; None leaves it to the task."""
+    """Options that override the task's own; None leaves it to the task."""
 
     preset: Preset | None = None
     effort: Effort | None = None  # None: the preset's

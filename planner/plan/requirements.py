@@ -1,4 +1,4 @@
-"""Requirements on the station, conditions of each step, what to do where they fail."""
+"""Requirements on the station, conditions of each step, reactions to failure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RETRIES = (
 
 
 def conditions_of(here: StepState) -> p.Conditions:
-    """Return what must hold before and after, and the way back."""
+    """Return the conditions before and after a step, with the retreat."""
     before, after = _facts(here)
     retreat = _retreat(here) if here.step.verb == "insert" else ()
     return p.Conditions(before=before, after=after, retreat=retreat, on_failure=RETRIES)
@@ -45,7 +45,7 @@ def _retreat(insert: StepState) -> tuple[p.AxisMove, ...]:
 
 
 def _facts(here: StepState) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is true before and after the step, as far as sensors can tell."""
+    """Return the facts before and after the step that sensors can check."""
     step = here.step
 
     def held(name: str | None) -> str:

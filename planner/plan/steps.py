@@ -124,7 +124,7 @@ def _timed(
 
 
 def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
-    """Return what the way there and back adds to where a target was seen."""
+    """Return the position error of a target by the moves there and back, um."""
     if look.look.coarse is None:
         return 0.0
     carrier = locate_place(task, here.at_look, here.step.target or "").carrier
