@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 from microplan.featuresel.trials.tolerance_search import (
     Direction,
@@ -86,18 +87,15 @@ def admissible_errors(
 
 # Fewer do not determine their scatter: six degrees of freedom put sigma to 30 %.
 LEAST_DRAWS = 4
-DIRECTIONS = (
-    Direction("focus", -1),
-    Direction("focus", 1),
-    Direction("zoom", -1),
-    Direction("zoom", 1),
-    Direction("light", -1),
-    Direction("light", 1),
-    Direction("gradient", 1),
-    Direction("pose", 1),
-)
 UNITS = {"focus": "um", "pose": "um"}
 ORDER: tuple[Setting, ...] = ("focus", "zoom", "light", "gradient", "pose")
+BOTH: tuple[Literal[-1, 1], ...] = (-1, 1)
+ONE_SIDED = ("gradient", "pose")
+DIRECTIONS = tuple(
+    Direction(setting, sign)
+    for setting in ORDER
+    for sign in (BOTH[1:] if setting in ONE_SIDED else BOTH)
+)
 
 
 def with_allowable_errors(
@@ -105,7 +103,7 @@ def with_allowable_errors(
     task: Task,
     job: Insertion,
     goal: float,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     parts: Iterable[str],
     context: CompileContext,
 ) -> Budget:
@@ -121,7 +119,7 @@ def with_allowable_errors(
         The insertion or placement, with all its errors.
     goal : float
         Probability that it must keep; where it is below that, nothing is allowed.
-    memory : MeasurementHistory
+    history : MeasurementHistory
         The last looks by part.
     parts : iterable of str
         The parts whose looks serve it.
@@ -142,9 +140,9 @@ def with_allowable_errors(
     allowed = tuple(
         row
         for part in parts
-        if part in memory.looks
+        if part in history.looks
         for row in _of_look(
-            task, job, goal, memory.seen[part].term, memory.looks[part], context
+            task, job, goal, history.seen[part].term, history.looks[part], context
         )
     )
     return replace(budget, analysis=replace(budget.analysis, allowed=allowed))
@@ -168,11 +166,10 @@ def _of_look(
                  for drifts in found]  # fmt: skip
         least, most = min(max(s) for s in sides), max(min(s) for s in sides)
         ratio = 1.0 if setting in ("zoom", "light") else 0.0
-        one_sided = len(sides[0]) == 1
         yield Allowed(
             error=setting,
             look=look.look.target,
-            least=0.0 if one_sided else ratio + most,
+            least=0.0 if setting in ONE_SIDED else ratio + most,
             most=ratio + least,
             unit=UNITS.get(setting, "1"),
             source=f"{draws} draws a step, all else as it is",

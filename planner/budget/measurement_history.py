@@ -33,7 +33,7 @@ class MeasurementHistory:
 
 
 def remember(
-    memory: MeasurementHistory, step: str, look: CompiledLook, moved_um: float = 0.0
+    history: MeasurementHistory, step: str, look: CompiledLook, moved_um: float = 0.0
 ) -> MeasurementHistory:
     """Return the history after a look of a step.
 
@@ -56,17 +56,17 @@ def remember(
     owner = owner_of(look.look.target)
     told = {} if seen.sigma_theta_rad is None else {owner: seen}
     return replace(
-        memory,
+        history,
         magnification=view.magnification,
         setting=MicroscopeSetting(look=look.look.id, view=view),
-        seen={**memory.seen, owner: seen},
-        looks={**memory.looks, owner: look},
-        angles={**memory.angles, **told},
+        seen={**history.seen, owner: seen},
+        looks={**history.looks, owner: look},
+        angles={**history.angles, **told},
     )
 
 
-def method_taken(align: StepState, memory: MeasurementHistory) -> MethodName:
+def method_taken(align: StepState, history: MeasurementHistory) -> MethodName:
     """Return the method of an alignment: the one chosen, else the task's."""
-    if memory.choice is not None:
-        return memory.choice.method
+    if history.choice is not None:
+        return history.choice.method
     return "look_then_move" if align.step.method == "look_then_move" else "servo"

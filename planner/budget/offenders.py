@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -105,23 +105,35 @@ def yield_over_shaft(job: Insertion) -> YieldCurve:
     """Return the yield curve over the shaft's diameter, um."""
     hole = 2 * job.fit.hole_um
     clearance = hole - 2 * job.fit.shaft_um
-    points = []
-    for share in np.linspace(*SHAFT_SHARES, YIELD_POINTS):
-        shaft = hole - clearance * float(share)
-        fit = replace(job.fit, shaft_um=shaft / 2)
-        points.append(_point(shaft, replace(job, fit=fit)))
-    return YieldCurve(over="diameter of the shaft", points=tuple(points[::-1]))
+    shafts = [hole - clearance * share for share in _shares(SHAFT_SHARES)][::-1]
+    jobs = [replace(job, fit=replace(job.fit, shaft_um=d / 2)) for d in shafts]
+    return yield_curve("diameter of the shaft", shafts, jobs)
 
 
 def yield_over_tolerance(job: Insertion) -> YieldCurve:
     """Return the yield curve over the larger profile tolerance, um."""
     largest = max(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
-    shares = np.linspace(*TOLERANCE_SHARES, YIELD_POINTS)
-    points = [
-        _point(largest * float(share), job.scaled(SIZE, float(share)))
-        for share in (shares if largest > 0 else shares[:1])
-    ]
-    return YieldCurve(over="profile tolerance", points=tuple(points))
+    shares = _shares(TOLERANCE_SHARES) if largest > 0 else TOLERANCE_SHARES[:1]
+    values = [largest * share for share in shares]
+    return yield_curve(
+        "profile tolerance", values, [job.scaled(SIZE, share) for share in shares]
+    )
+
+
+def _shares(ends: tuple[float, float]) -> Sequence[float]:
+    """Return the shares between two ends at which a curve is evaluated."""
+    return [float(share) for share in np.linspace(*ends, YIELD_POINTS)]
+
+
+def yield_curve(
+    over: str, values_um: Sequence[float], jobs: Iterable[Insertion]
+) -> YieldCurve:
+    """Return the success probabilities of insertions over a value, um."""
+    points = (
+        YieldPoint(value_um=value, success_probability=1 - job.miss)
+        for value, job in zip(values_um, jobs, strict=True)
+    )
+    return YieldCurve(over=over, points=tuple(points))
 
 
 def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
@@ -133,10 +145,6 @@ def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
         (offset, OFFSET, abs(job.offset_um)),
         (size, SIZE, tolerance / math.sqrt(3)),
     ]
-
-
-def _point(value_um: float, job: Insertion) -> YieldPoint:
-    return YieldPoint(value_um=value_um, success_probability=1 - job.miss)
 
 
 def _slope(job: Insertion, key: str, size_um: float) -> float:

@@ -10,7 +10,6 @@ import shapely
 
 from microplan.arrays import Point
 from microplan.planner.assembly.assembly import (
-    Carrier,
     axes_of,
     inner_center,
     owner_of,
@@ -20,7 +19,7 @@ from microplan.planner.assembly.shapes import hull
 from microplan.planner.assembly.step_states import StepState, apply_reading
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.measurement_history import MeasurementHistory
-from microplan.planner.task.task import Move, Part, Task, TaskStep
+from microplan.planner.task.task import Part, Task, TaskStep
 from microplan.planner.views.targets import middle_um
 from microplan.planner.views.view_times import move_times
 
@@ -36,7 +35,7 @@ class PlacementContext:
     align: StepState | None  # None: nothing did, or it was undone
     since_align: tuple[StepState, ...]  # up to the release
     since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
-    memory: MeasurementHistory
+    history: MeasurementHistory
     held: tuple[StepState, ...] = ()  # from the grasp up to the release
     turned: StepState | None = None  # the last alignment that corrected the angle
     since_turned: tuple[StepState, ...] = ()  # up to the release
@@ -54,18 +53,18 @@ class PlacementContext:
     @property
     def seen(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
         """Return the last looks at part and seat."""
-        return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
+        return (self.history.seen.get(self.part), self.history.seen.get(self.seat))
 
     @property
-    def told(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
+    def angles_seen(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
         """Return the last looks that measured the angles of part and seat."""
-        return (self._told(self.part), self._told(self.seat))
+        return (self._angle_seen(self.part), self._angle_seen(self.seat))
 
-    def _told(self, name: str) -> PastMeasurement | None:
+    def _angle_seen(self, name: str) -> PastMeasurement | None:
         """Return the last look since the grasp that measured the angle of a part."""
-        last = self.memory.seen.get(name)
+        last = self.history.seen.get(name)
         if last is None or last.sigma_theta_rad is None:
-            last = self.memory.angles.get(name)
+            last = self.history.angles.get(name)
         held = {here.step.id for here in self.held}
         return last if last is not None and last.step in held else None
 
@@ -74,7 +73,7 @@ def placement_context(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
 ) -> PlacementContext | None:
     """Return the placement of a release, None if no later step specifies one."""
     index, part = states.index(here), owner_of(here.step.target or "")
@@ -107,7 +106,7 @@ def placement_context(
         align=held[aligned[-1]] if aligned else None,
         since_align=path[aligned[-1] + 1 :] if aligned else (),
         since_seen=path[looked[-1] + 1 :] if looked else path[1:],
-        memory=memory,
+        history=history,
         held=tuple(held),
         turned=held[turning[-1]] if turning else None,
         since_turned=path[turning[-1] + 1 :] if turning else (),
@@ -148,10 +147,6 @@ def moves_s(task: Task, steps: Sequence[StepState]) -> float:
             total += sum(row.time_s for row in times)
             state = after
     return total
-
-
-def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
-    return [move for here in steps for move in here.moves if move.axes == carrier]
 
 
 def lever_um(put: PlacementContext, name: str, start: str, end: str) -> Point:

@@ -33,7 +33,6 @@ from microplan.planner.budget.placement import (
     PlacementContext,
     far_um,
     lever_um,
-    moves_of,
     moves_s,
     placement_context,
 )
@@ -57,14 +56,14 @@ def place_budget(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     context: CompileContext,
 ) -> tuple[Budget, PlacingVerdict] | None:
     """Return the budget of a placement, None if no tolerance is specified.
 
     A part on a shaft is the insertion's.
     """
-    put = placement_context(task, states, here, memory)
+    put = placement_context(task, states, here, history)
     if put is None:
         return None
     placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
@@ -78,7 +77,7 @@ def place_budget(
         return budget, verdict
     pair = (put.part, put.seat)
     return (
-        with_allowable_errors(budget, task, job, needed, memory, pair, context),
+        with_allowable_errors(budget, task, job, needed, history, pair, context),
         verdict,
     )
 
@@ -92,9 +91,9 @@ def left_of(put: PlacementContext) -> LateralResidual:
     return residual_after(
         put.task,
         put.align,
-        method_taken(put.align, put.memory),
-        put.memory.within_um,
-        put.memory.before,
+        method_taken(put.align, put.history),
+        put.history.within_um,
+        put.history.before,
         angle_error(put).left_inside if put.turned is put.align else 1.0,
     )
 
@@ -145,16 +144,18 @@ def angle_error(put: PlacementContext) -> AngleError:
             if seen is not None
             else "not measured: its spread in the task",
         )
-        for name, seen, wide in zip((put.part, put.seat), put.told, spread, strict=True)
+        for name, seen, wide in zip(
+            (put.part, put.seat), put.angles_seen, spread, strict=True
+        )
     ]
     # what is remembered of an alignment is of the last one
-    last, choice = turned is put.align, put.memory.choice
+    last, choice = turned is put.align, put.history.choice
     method = choice.method if last and choice is not None else turned.step.method
     if method == "look_then_move":
         left, cut = math.sqrt(2) * repeats, math.inf
     else:
         known = spread[owner_of(turned.step.target or "") == put.seat]
-        before = put.memory.before if last else None
+        before = put.history.before if last else None
         first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
         left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
         cut = turned.step.tolerance_theta_rad or math.inf
@@ -186,8 +187,13 @@ def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
 
 def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
     """Yield the errors that rotations of the axes add after the looks."""
-    for carrier, steps in _since(put):
-        moves = moves_of(steps, carrier)
+    stage = put.since_align if put.turned is None else put.since_turned
+    since: dict[Carrier, Sequence[StepState]] = {
+        "stage": stage,
+        "robot": put.since_seen,
+    }
+    for carrier, steps in since.items():
+        moves = [move for here in steps for move in here.moves if move.axes == carrier]
         if any(move.to.theta_rad is not None for move in moves):
             repeats = axes_of(put.task, carrier).repeatability_theta_rad
             yield TurnRow(
@@ -197,12 +203,6 @@ def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
             )
 
 
-def _since(put: PlacementContext) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
-    """Return the steps in which each carrier must not rotate."""
-    stage = put.since_align if put.turned is None else put.since_turned
-    return (("stage", stage), ("robot", put.since_seen))
-
-
 def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
     """Yield the displacements by errors of angles."""
     if put.align is None:
@@ -210,7 +210,7 @@ def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
     state = put.release.before
     points = (put.verify.target, put.verify.on)
     for name, seen, told, point in zip(
-        (put.part, put.seat), put.seen, put.told, points, strict=True
+        (put.part, put.seat), put.seen, put.angles_seen, points, strict=True
     ):
         if seen is None:
             continue

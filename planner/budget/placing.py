@@ -14,7 +14,7 @@ from microplan.planner.budget.insert_budget import (
     common_rows,
 )
 from microplan.planner.budget.insertion import SIZE, Insertion
-from microplan.planner.budget.offenders import YIELD_POINTS, sizes_of
+from microplan.planner.budget.offenders import YIELD_POINTS, sizes_of, yield_curve
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.schemas.page.figures import chance
@@ -22,7 +22,6 @@ from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import (
     PlacingVerdict,
     YieldCurve,
-    YieldPoint,
 )
 
 NOT_MODELLED = (
@@ -153,12 +152,9 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
 
 def _yield_over(job: Insertion) -> YieldCurve:
     """Return the yield curve over the tolerance."""
-    points = []
-    for share in np.linspace(*YIELD_SHARES, YIELD_POINTS):
-        radius = job.fit.hole_um * float(share)
-        miss = replace(job, fit=within(radius)).miss
-        points.append(YieldPoint(value_um=radius, success_probability=1 - miss))
-    return YieldCurve(over="within_um", points=tuple(points))
+    shares = np.linspace(*YIELD_SHARES, YIELD_POINTS)
+    radii = [job.fit.hole_um * float(share) for share in shares]
+    return yield_curve("within_um", radii, (replace(job, fit=within(r)) for r in radii))
 
 
 def _quantile_um(job: Insertion, share: float) -> float:

@@ -109,7 +109,7 @@ def budget_of(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     context: CompileContext,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action and of its moves."""
@@ -119,10 +119,10 @@ def budget_of(
     if step.verb == "release":
         budget = release_budget(task, here.before.tool or "")
     if step.verb == "verify":
-        seen = [memory.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
+        seen = [history.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
         budget = verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb == "insert":
-        budget = _of_insertion(task, states, here, memory, context)
+        budget = _of_insertion(task, states, here, history, context)
     return with_collisions(task, here, budget)
 
 
@@ -130,15 +130,15 @@ def _of_insertion(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     context: CompileContext,
 ) -> p.Budget:
     """Return the budget of an insertion, with the allowable errors of its looks."""
-    left, goal = left_of(task, states, insert, memory), share_of_goal(task)
-    job = insertion_of(task, states, insert, left, memory.seen)
+    left, goal = left_of(task, states, insert, history), share_of_goal(task)
+    job = insertion_of(task, states, insert, left, history.seen)
     if job is None:
         return EMPTY_BUDGET
-    choice = memory.choice
+    choice = history.choice
     methods = [
         (option.method, option.success_probability)
         for option in (choice.options if choice else ())
@@ -148,14 +148,14 @@ def _of_insertion(
     ]
     budget = context.memo.call(insert_budget, job, left, goal=goal, methods=methods)
     mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
-    return with_allowable_errors(budget, task, job, goal, memory, mates, context)
+    return with_allowable_errors(budget, task, job, goal, history, mates, context)
 
 
 def left_of(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
 ) -> LateralResidual:
     """Return the lateral residual of the alignment before an insertion.
 
@@ -167,5 +167,5 @@ def left_of(
         parts = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
         since = "since something last moved sideways"
         return unaligned(insert.before, parts, since)
-    method = method_taken(align, memory)
-    return residual_after(task, align, method, memory.within_um, memory.before)
+    method = method_taken(align, history)
+    return residual_after(task, align, method, history.within_um, history.before)

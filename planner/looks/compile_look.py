@@ -8,11 +8,7 @@ from collections.abc import Sequence
 from microplan.featuresel.selection.evaluate import is_fit
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.looks.feature_evaluation import begin_features
-from microplan.planner.looks.feature_sets import (
-    FeatureSetResult,
-    FeatureSetSearch,
-    wanted,
-)
+from microplan.planner.looks.feature_sets import FeatureSetSearch, wanted
 from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import (
     CompiledLook,
@@ -20,12 +16,14 @@ from microplan.planner.looks.look_record import (
     compiled,
     measured,
 )
+from microplan.planner.looks.measures import MeasuredFeature
 from microplan.planner.looks.records import commonest_hint, rejections
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request
 from microplan.planner.views.target_views import marks_view, views, whole_view
 from microplan.planner.views.views import ViewPlan
+from microplan.schemas import plan as p
 from microplan.schemas.plan.views import ZoomTried
 
 ADMISSIBLE = "what the insertion bears at this magnification"
@@ -114,7 +112,7 @@ def _by_several(
             return _finish(problem, tried, refused)
         sets = FeatureSetSearch(problem=problem, tried=tried).run()
         if sets.chosen is not None:
-            return _finish_set(problem, tried, sets, sets.chosen, refused)
+            return _decide(problem, tried, sets.rows, sets.chosen, refused)
         refused.append((tried, sets.advice))
     return None
 
@@ -162,48 +160,36 @@ def _finish(
 ) -> CompiledLook:
     """Return a look at its target alone, or at a set where that has more margin."""
     search = FeatureSetSearch(problem=problem, tried=tried)
-    if wanted(tried, problem.context.effort):
-        sets = search.run()
-        if sets.chosen is not None:
-            return _finish_set(problem, tried, sets, sets.chosen, refused)
-        rows = sets.rows
-    else:
-        rows = search.left_out()
-    found = (measured(problem, tried),)
-    decided = LookDecision(
-        tried=tried, found=found, rows=rows, together=None, refused=_zooms(refused)
-    )
-    return compiled(problem, decided)
+    if not wanted(tried, problem.context.effort):
+        return _decide(problem, tried, search.left_out(), None, refused)
+    sets = search.run()
+    return _decide(problem, tried, sets.rows, sets.chosen, refused)
 
 
-def _finish_set(
+def _decide(
     problem: LookProblem,
     tried: Evaluation,
-    sets: FeatureSetResult,
-    chosen: ChosenSet,
+    rows: tuple[p.FeatureRow, ...],
+    chosen: ChosenSet | None,
     refused: Sequence[_Refused],
 ) -> CompiledLook:
-    """Return a look that measures the features of a set."""
-    found = tuple(
-        measured(problem, raced.tried, raced.shape, sight.sigma_um)
-        for raced, sight in zip(chosen.raced, chosen.sights, strict=True)
+    """Return a look that measures the features of a set, or the target alone."""
+    found: tuple[MeasuredFeature, ...]
+    if chosen is None:
+        found = (measured(problem, tried),)
+    else:
+        found = tuple(
+            measured(problem, raced.tried, raced.shape, sight.sigma_um)
+            for raced, sight in zip(chosen.raced, chosen.sights, strict=True)
+        )
+    zooms = tuple(
+        ZoomTried(magnification=each.case.microscope.magnification, reason=advice)
+        for each, advice in refused
     )
     decided = LookDecision(
-        tried=tried,
-        found=found,
-        rows=sets.rows,
-        together=chosen,
-        refused=_zooms(refused),
+        tried=tried, found=found, rows=rows, together=chosen, refused=zooms
     )
     return compiled(problem, decided)
-
-
-def _zooms(refused: Sequence[_Refused]) -> tuple[ZoomTried, ...]:
-    """Return the magnifications refused so far, as the plan has them."""
-    return tuple(
-        ZoomTried(magnification=tried.case.microscope.magnification, reason=advice)
-        for tried, advice in refused
-    )
 
 
 def _report_failure(request: Request, refused: _Refused, report: Report) -> None:

@@ -164,7 +164,7 @@ class CompiledLook:
     placed: LookScene
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
     sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
-    shot: LookFigures | None = None  # what reports show of it
+    figures: LookFigures | None = None  # what reports show of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +247,7 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         placed=look_scene(task, request.state, request.id, shape, spot),
         found=found,
         sigma_without_scale_um=without_scale_um,
-        shot=evidence_of(task, request, found, memo),
+        figures=evidence_of(task, request, found, memo),
     )
 
 

@@ -61,7 +61,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
             map=map,
             memo=options.memo,
         )
-        steps, timings = _steps(task, states, context, report, options.tell, pool)
+        steps, timings = _steps(task, states, context, report, options.progress, pool)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -69,7 +69,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
         images={look.look.scene.image: look.picture for look in looks},
-        shots=tuple(look.shot for look in looks if look.shot is not None),
+        figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
         inputs=_inputs(report),
@@ -135,12 +135,12 @@ def _steps(
     states: tuple[StepState, ...],
     context: CompileContext,
     report: Report,
-    tell: Callable[[int, int, str], None],
+    progress: Callable[[int, int, str], None],
     pool: ProcessPoolExecutor | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `tell` is called with the steps done, their number and the next step's id. Looks
+    `progress` is called with the steps done, their number and the next step's id. Looks
     are compiled in the processes of a `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
@@ -148,19 +148,19 @@ def _steps(
     if pool is not None:
         ahead = begin(pool, task, states, context, low)
         context = replace(context, map=pool.map)
-    memory = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
+    history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started, before_s = time.perf_counter(), ahead.elsewhere_s
-        tell(index, len(states), here.step.id)
-        step = compile_step(task, states, index, memory, context, report, ahead)
+        progress(index, len(states), here.step.id)
+        step = compile_step(task, states, index, history, context, report, ahead)
         took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:
             break
         found.append(step)
-        memory = step.memory
+        history = step.history
     return found, timings
 
 

@@ -18,7 +18,7 @@ class Options:
     effort: Effort | None = None  # None: the preset's
     max_image_error: float | None = None
     jobs: int = 1
-    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    progress: Callable[[int, int, str], None] = lambda _done, _all, _step: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
 
 

@@ -46,14 +46,14 @@ class CompiledStep:
 
     step: p.Step
     looks: tuple[CompiledLook, ...]
-    memory: MeasurementHistory
+    history: MeasurementHistory
 
 
 def compile_step(
     task: Task,
     states: tuple[StepState, ...],
     index: int,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     context: CompileContext,
     report: Report,
     ahead: Ahead | None = None,
@@ -64,42 +64,44 @@ def compile_step(
     """
     ahead = ahead or Ahead()
     here = states[index]
-    goal = memory.seen.get(owner_of(here.step.to or ""))
+    goal = history.seen.get(owner_of(here.step.to or ""))
     within: float | None = None
     if here.step.verb == "align":
         within = tolerance_um(task, states, here, goal, report)
     looks: list[CompiledLook] = []
-    before = memory.seen.get(owner_of(here.step.target or ""))
+    before = history.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)
     if within is not None:
-        bears = admissible_errors(task, states, here, within, memory.seen, context.memo)
+        allowed = admissible_errors(
+            task, states, here, within, history.seen, context.memo
+        )
         asked = tuple(
             replace(
                 request,
-                admissible_um=bears.admissible_um,
-                break_even_um=bears.break_even_um,
+                admissible_um=allowed.admissible_um,
+                break_even_um=allowed.break_even_um,
             )
             for request in asked
         )
     for request in asked:
-        found = ahead.looks(task, request, context, memory.magnification, report)
+        found = ahead.looks(task, request, context, history.magnification, report)
         if not found:
             return None
         for look in found:
             waits = _waits(task, here, request, look, first=not looks)
-            looks.append(_timed(task, look, memory, waits))
-            memory = remember(
-                memory, here.step.id, looks[-1], _moved_um(task, here, look)
+            looks.append(_timed(task, look, history, waits))
+            history = remember(
+                history, here.step.id, looks[-1], _moved_um(task, here, look)
             )
     if within is not None:
-        choice = method_of(task, states, here, within, memory.seen, report, before)
-        memory = replace(memory, within_um=within, choice=choice, before=before)
-    step = _step(task, states, here, tuple(looks), memory, context)
-    memory = _after_sweep(memory, step)
+        choice = method_of(task, states, here, within, history.seen, report, before)
+        history = replace(history, within_um=within, choice=choice, before=before)
+    step = _step(task, states, here, tuple(looks), history, context)
+    history = _after_sweep(history, step)
     report_handling(here, step.grasp, step.release, report, step.placing)
-    step = replace(step, key=journal_key(step, memory.key))
+    step = replace(step, key=journal_key(step, history.key))
     return CompiledStep(
-        step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
+        step=step, looks=tuple(looks), history=replace(history, key=step.key)
     )
 
 
@@ -113,12 +115,15 @@ def _waits(
 
 
 def _timed(
-    task: Task, look: CompiledLook, memory: MeasurementHistory, waits: Sequence[TimeRow]
+    task: Task,
+    look: CompiledLook,
+    history: MeasurementHistory,
+    waits: Sequence[TimeRow],
 ) -> CompiledLook:
     """Return a look with what it takes after the look before."""
     if look.look.verdict is None:
         raise ValueError(f"look {look.look.id} has no verdict")
-    change = view_change(task, look.look, memory.setting, waits)
+    change = view_change(task, look.look, history.setting, waits)
     verdict = replace(look.look.verdict, change=change)
     return replace(look, look=replace(look.look, verdict=verdict))
 
@@ -131,16 +136,16 @@ def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
     return math.sqrt(2) * axes_of(task, carrier).repeatability_xy_um
 
 
-def _after_sweep(memory: MeasurementHistory, step: p.Step) -> MeasurementHistory:
-    """Return the memory after an action: a height sweep leaves the focus at its end."""
+def _after_sweep(history: MeasurementHistory, step: p.Step) -> MeasurementHistory:
+    """Return the history after an action: a height sweep ends at its last focus."""
     action = step.action
     if not isinstance(action, p.VerifyAction) or action.height is None:
-        return memory
+        return history
     height = action.height
     view = next(look.view for look in step.looks if look.id == height.look)
     view = replace(view, focus_um=height.focus_um[-1])
     setting = MicroscopeSetting(look=height.look, view=view)
-    return replace(memory, setting=setting, magnification=view.magnification)
+    return replace(history, setting=setting, magnification=view.magnification)
 
 
 def journal_key(step: p.Step, before: str) -> str:
@@ -154,20 +159,20 @@ def _step(
     states: tuple[StepState, ...],
     here: StepState,
     looks: Sequence[CompiledLook],
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
     context: CompileContext,
 ) -> p.Step:
     """Return the plan's step, without its key."""
     step = here.step
     control = None
-    if step.verb == "align" and memory.choice is not None:
+    if step.verb == "align" and history.choice is not None:
         setting_s = setting_time_s(task, here, looks[0].look)
         control = control_of(
-            task, here, memory.within_um, memory.choice, setting_s=setting_s
+            task, here, history.within_um, history.choice, setting_s=setting_s
         )
-    budget, placing = budget_of(task, states, here, memory, context), None
+    budget, placing = budget_of(task, states, here, history, context), None
     if step.verb == "release":
-        placed = place_budget(task, states, here, memory, context)
+        placed = place_budget(task, states, here, history, context)
         budget, placing = placed or (budget, None)
     fit, grasp, release = verdicts_of(task, states, here)
     return p.Step(
