@@ -37,7 +37,7 @@ HOPELESS = 1e-3  # a probability at another zoom that decides nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmissibleError:
-    """Largest error of a look, 2 sigma and bias, tolerated at the present zoom."""
+    """Largest error of a look that the next insertion tolerates, 2 sigma + |bias|."""
 
     admissible_um: float | None = None  # the insertion still has its share of the goal
     # the insertion is as likely as with a faultless look at any other zoom
@@ -52,7 +52,7 @@ def admissible_errors(
     seen: Mapping[str, PastMeasurement],
     memo: Memo = EVERY_TIME,
 ) -> AdmissibleError:
-    """Return the largest error of an alignment's look that the insertion tolerates.
+    """Return the largest error of an alignment's look that its insertion tolerates.
 
     Twice the largest sigma of the look, its setting that of the last look at the same
     part. Nothing if no insertion follows, no goal is specified, or no sigma would do.

@@ -79,7 +79,7 @@ def _scatter_um(errors_um: np.ndarray) -> float:
 BEFORE_AND_AFTER = math.sqrt(2)
 
 
-def since_rows(
+def drift_rows(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,

@@ -16,7 +16,7 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
-from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.offenders import (
     WIDEN_HOLE,
@@ -54,7 +54,7 @@ def insertion_of(
     )
     cell = task.workcell
     blind = blind_rows(cell, travel_of(insert), hole, shaft, insert_s(task, insert))
-    blind += since_rows(task, states, insert, (hole, shaft))
+    blind += drift_rows(task, states, insert, (hole, shaft))
     offset_um, offset_rad = apart(
         task, insert.after, insert.step.target or "", insert.step.onto or ""
     )

@@ -22,7 +22,7 @@ from microplan.planner.budget.alignment_residual import (
 )
 from microplan.planner.budget.allowable_errors import with_allowable_errors
 from microplan.planner.budget.budget import PastMeasurement, blind_rows
-from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.budget.insert_budget import LateralResidual, apart, share_of_goal
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.measurement_history import (
@@ -66,8 +66,8 @@ def place_budget(
     put = placement_context(task, states, here, history)
     if put is None:
         return None
-    placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
-    turning, job = angle_error(put), job_of(put, left)
+    placed, left, goal = _placement(put), placement_residual(put), share_of_goal(task)
+    turning, job = angle_error(put), placement_errors(put, left)
     budget, verdict = context.memo.call(
         placing_budget, placed, job, left, turning, goal=goal
     )
@@ -82,7 +82,7 @@ def place_budget(
     )
 
 
-def left_of(put: PlacementContext) -> LateralResidual:
+def placement_residual(put: PlacementContext) -> LateralResidual:
     """Return the lateral residual of the alignment before a release."""
     if put.align is None:
         parts = (put.part, put.seat)
@@ -98,7 +98,7 @@ def left_of(put: PlacementContext) -> LateralResidual:
     )
 
 
-def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
+def placement_errors(put: PlacementContext, left: LateralResidual) -> Insertion:
     """Return the lateral errors of a placement, with its tolerance as the fit."""
     names = (put.verify.target or "", put.verify.on or "")
     offset_um, offset_rad = apart(put.task, put.release.after, *names)
@@ -182,7 +182,7 @@ def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
     takes_s = moves_s(task, put.since_align)
     yield from blind_rows(task.workcell, travel, *seen, takes_s, doing="placing")
     names = (put.verify.target or "", put.verify.on or "")
-    yield from since_rows(task, put.states, put.release, seen, names)
+    yield from drift_rows(task, put.states, put.release, seen, names)
 
 
 def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:

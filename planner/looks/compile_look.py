@@ -45,7 +45,7 @@ def compile_look(
     once: bool = False,
     known: Begun | None = None,
 ) -> CompiledLook | None:
-    """Return the look, None if there is a reason why it cannot be done.
+    """Return the compiled look of a request, None if it cannot be done: see `report`.
 
     Magnifications are tried in order of preference until a chain of routines meets the
     tolerance on the target; if none does, until several features of its part do
@@ -58,7 +58,9 @@ def compile_look(
     if not settings:
         return None
     settings = settings[:1] if once else settings
-    problem = LookProblem.of(task, request, context, known or Begun())
+    problem = LookProblem(
+        task=task, request=request, context=context, begun=known or Begun()
+    )
     refused: list[_Refused] = []
     look = _by_target(problem, settings, refused)
     if look is None and not once:
@@ -75,7 +77,7 @@ def look_at_first(
 
     The part's other features are evaluated, too, where the first result wants them.
     """
-    problem = LookProblem.of(task, request, context, known)
+    problem = LookProblem(task=task, request=request, context=context, begun=known)
     tried = problem.evaluate(view)
     if _is_fit(tried) and wanted(tried, context.effort):
         begin_features(problem, tried)

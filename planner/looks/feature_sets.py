@@ -53,7 +53,7 @@ class FeatureSetSearch:
     tried: Evaluation  # of the target alone
 
     def run(self) -> FeatureSetResult:
-        """Return the set to use, or why there is none."""
+        """Return the result of the search: the set to use, or why there is none."""
         raced, skipped = evaluate_features(self.problem, self.tried)
         sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
         found = self._found(list(sights.values())) if sights else None

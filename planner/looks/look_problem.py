@@ -66,22 +66,13 @@ class LookProblem:
 
     task: Task
     request: Request
-    shape: TargetShape  # of the target
     context: CompileContext
     begun: Begun
 
-    @classmethod
-    def of(
-        cls, task: Task, request: Request, context: CompileContext, begun: Begun
-    ) -> LookProblem:
-        """Return the measurement problem of a request."""
-        return cls(
-            task=task,
-            request=request,
-            shape=needed_shape(task, request),
-            context=context,
-            begun=begun,
-        )
+    @property
+    def shape(self) -> TargetShape:
+        """Return the shape of the target."""
+        return needed_shape(self.task, self.request)
 
     @property
     def is_round(self) -> bool:

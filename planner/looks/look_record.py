@@ -67,7 +67,7 @@ LEAST = 3  # answers from which a standard deviation is estimated
 def sigma_without_scale_um(
     tried: Evaluation, chosen: ChainScore, root_seed: int
 ) -> float:
-    """Return sigma of a chain's position, um, without the magnification error.
+    """Return sigma of a measured position, um, with the magnification error removed.
 
     A trial at the zoom ratio r shows a target at p from the axis at r p. Two looks at
     one zoom share that error, so that a budget of both has it once, by the distance

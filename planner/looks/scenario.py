@@ -254,6 +254,18 @@ def _spread(
     term of the error budget.
     """
     b, lens = task.benchmark, task.workcell.optics.lens
+    higher = _higher(task, request, spot, static)
+    rotations = tuple(
+        UnknownRotation(
+            owner=part.owner,
+            x_um=part.pose.x_um,
+            y_um=part.pose.y_um,
+            sigma_theta_rad=min(part.sigma_theta_rad, math.pi),
+        )
+        for part in higher
+        # a tool's angle is in the uncertainty of its tips
+        if part.owner in task.parts and part.sigma_theta_rad > 0
+    )
     return TrialSpread(
         focus_sigma_um=b.focus_sigma_um,
         magnification_sigma=b.magnification_sigma,
@@ -262,46 +274,21 @@ def _spread(
         pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
-        occluder_sigma_um=_occluder_sigma_um(task, request, spot, static),
-        turning=_turning(task, request, spot, static),
+        occluder_sigma_um=max((place.sigma_xy_um for place in higher), default=0.0),
+        turning=rotations,
         lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
     )
 
 
-def _occluder_sigma_um(
+def _higher(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> float:
-    """Return sigma of the occluders' position, um, that of the least known one.
+) -> list[Place]:
+    """Return the poses of all that has layers higher than the target, by name.
 
-    What lies lower hides nothing.
+    A lower body hides nothing.
     """
-    higher = (locate_place(task, request.state, n) for n in _higher(spot, static))
-    return max((place.sigma_xy_um for place in higher), default=0.0)
-
-
-def _turning(
-    task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> tuple[UnknownRotation, ...]:
-    """Return the parts higher than the target whose angle is uncertain.
-
-    A tool's angle is in the uncertainty of its tips.
-    """
-    higher = [n for n in _higher(spot, static) if n in task.parts]
-    return tuple(
-        UnknownRotation(
-            owner=part.owner,
-            x_um=part.pose.x_um,
-            y_um=part.pose.y_um,
-            sigma_theta_rad=min(part.sigma_theta_rad, math.pi),
-        )
-        for part in (locate_place(task, request.state, name) for name in higher)
-        if part.sigma_theta_rad > 0
-    )
-
-
-def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
-    """Return the owners of layers higher than the target, by name."""
-    return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
+    names = sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
+    return [locate_place(task, request.state, name) for name in names]
 
 
 def _angle_tolerance(request: Request, shape: TargetShape) -> float | None:

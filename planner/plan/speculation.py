@@ -1,4 +1,4 @@
-"""Looks compiled in other processes before their steps' turn comes."""
+"""Speculative compilation of later looks in other processes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ B = TypeVar("B")
 
 
 class StoppedError(Exception):
-    """Nobody wants the result any more."""
+    """The result is not wanted any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +70,7 @@ class Ahead:
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
-        """Return what `microplan.planner.looks.coarse_to_fine.compile_looks` does."""
+        """Return the looks of a request, as `coarse_to_fine.compile_looks` does."""
         asked, future = self.under_way.pop(request.id, (None, None))
         if asked is None or future is None:
             return compile_looks(task, request, context, current, report)
@@ -124,7 +124,7 @@ def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]
 
 
 def listen(unwanted: Event) -> None:
-    """Let this process know by what event it will be told to stop."""
+    """Set the event that stops this process."""
     global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
     _unwanted = unwanted
 

@@ -1,4 +1,4 @@
-"""One step compiled: its looks, action, control, conditions and budget."""
+"""Compilation of one step: looks, action, control, conditions, budget."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
@@ -42,7 +42,7 @@ PHYSICAL = (*IRREVERSIBLE, "move", "align")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompiledStep:
-    """A step as the plan has it, its looks with their files, and what it leaves."""
+    """A step of the plan, its looks with their files, the history after it."""
 
     step: p.Step
     looks: tuple[CompiledLook, ...]
@@ -75,14 +75,7 @@ def compile_step(
         allowed = admissible_errors(
             task, states, here, within, history.seen, context.memo
         )
-        asked = tuple(
-            replace(
-                request,
-                admissible_um=allowed.admissible_um,
-                break_even_um=allowed.break_even_um,
-            )
-            for request in asked
-        )
+        asked = tuple(replace(request, **asdict(allowed)) for request in asked)
     for request in asked:
         found = ahead.looks(task, request, context, history.magnification, report)
         if not found:

@@ -111,7 +111,8 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     found = []
     request = replace(request, tolerance_um=0.15)
     for known in (begun, replace(begun, others={})):
-        job, asked[0] = LookProblem.of(task, request, effects, known), 0
+        job = LookProblem(task=task, request=request, context=effects, begun=known)
+        asked[0] = 0
         raced, _ = evaluate_features(job, job.evaluate(view))
         found.append((asked[0], [each.tried.comparison.scores for each in raced]))
     (afterwards, scores), (anew, fresh) = found
