@@ -212,15 +212,10 @@ class Insertion:
 
 def _scaled(residual: Residual, factor: float) -> Residual:
     """Return what a finer or coarser servo leaves."""
-    return Residual(
-        sigma_um=residual.sigma_um * factor,
-        within_um=_times(residual.within_um, factor),
-    )
-
-
-def _times(within_um: float, factor: float) -> float:
-    """Return a cut-off scaled; none stays none."""
-    return within_um if math.isinf(within_um) else within_um * factor
+    within_um = residual.within_um
+    if not math.isinf(within_um):  # not cut off: it stays so, also at a factor of 0
+        within_um *= factor
+    return Residual(sigma_um=residual.sigma_um * factor, within_um=within_um)
 
 
 def _resized(fit: RoundFit, factor: float) -> RoundFit:

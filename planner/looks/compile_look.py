@@ -181,8 +181,8 @@ def _decide(
         found = (measured(problem, tried),)
     else:
         found = tuple(
-            measured(problem, raced.tried, raced.shape, sight.sigma_um)
-            for raced, sight in zip(chosen.raced, chosen.sights, strict=True)
+            measured(problem, tested.tried, tested.shape, sight.sigma_um)
+            for tested, sight in zip(chosen.tested, chosen.sights, strict=True)
         )
     zooms = tuple(
         ZoomTried(magnification=each.case.microscope.magnification, reason=advice)

@@ -67,17 +67,17 @@ class FeatureRanking:
         return self.case.tolerance_theta_rad is not None
 
     def row(
-        self, raced: TestedFeature, sight: FeatureMeasurement | None, reason: str
+        self, tested: TestedFeature, sight: FeatureMeasurement | None, reason: str
     ) -> p.FeatureRow:
         """Return one feature by Feddema's criteria, as far as it passed."""
-        shape = raced.shape
+        shape = tested.shape
         if sight is None:
-            visible = raced.tried.comparison.visible
+            visible = tested.tried.comparison.visible
             return p.FeatureRow(
                 name=shape.name, kind=shape.kind, reason=reason, completeness=visible
             )
         found = criteria(
-            _candidate(raced, sight),
+            _candidate(tested, sight),
             radius_um=self.radius_um,
             theta_range_rad=self.case.target.theta_range_rad,
             angle=self._angle,
@@ -86,19 +86,19 @@ class FeatureRanking:
 
     def set_row(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Sequence[FeatureMeasurement],
         sigma_um: float,
     ) -> p.FeatureRow:
         """Return the set that is used by Feddema's criteria."""
         found = set_criteria(
-            [_candidate(r, s) for r, s in zip(raced, sights, strict=True)],
+            [_candidate(r, s) for r, s in zip(tested, sights, strict=True)],
             sigma_um,
             radius_um=self.radius_um,
             theta_range_rad=self.case.target.theta_range_rad,
             angle=self._angle,
         )
-        return _row(found, " + ".join(r.shape.name for r in raced), "set", "used")
+        return _row(found, " + ".join(r.shape.name for r in tested), "set", "used")
 
 
 def unseen(case: LookCase) -> str:
@@ -114,13 +114,13 @@ def unseen(case: LookCase) -> str:
     return "not tried: it may lie outside the region of the look"
 
 
-def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
+def _candidate(tested: TestedFeature, sight: FeatureMeasurement) -> Candidate:
     """Return a tested feature as a candidate of the criteria."""
     return Candidate(
-        feature=raced.feature,
-        score=raced.chosen,
+        feature=tested.feature,
+        score=tested.chosen,
         sight=sight,
-        seen=raced.tried.comparison.visible,
+        seen=tested.tried.comparison.visible,
     )
 
 
@@ -142,7 +142,7 @@ def _finite(value: float) -> float | None:
 class ChosenSet:
     """The features that a look measures, the look's own target first if among them."""
 
-    raced: tuple[TestedFeature, ...]
+    tested: tuple[TestedFeature, ...]
     sights: tuple[FeatureMeasurement, ...]
     score: ChainScore  # of fresh trials of all of them
     found: FeatureSet

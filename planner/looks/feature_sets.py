@@ -54,56 +54,59 @@ class FeatureSetSearch:
 
     def run(self) -> FeatureSetResult:
         """Return the result of the search: the set to use, or why there is none."""
-        raced, skipped = evaluate_features(self.problem, self.tried)
-        sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
+        tested, skipped = evaluate_features(self.problem, self.tried)
+        sights = {r.shape.name: self._sight(r) for r in tested if r.passes}
         found = self._found(list(sights.values())) if sights else None
-        chosen, advice = self._settled(raced, sights, found)
-        said = self._reasons(found, chosen, advice)
-        rows = [self._row(r, sights.get(r.shape.name), said, advice) for r in raced]
+        chosen, advice = self._settled(tested, sights, found)
+        reasons = self._reasons(tested, found, chosen, advice)
+        rows = [
+            self._ranking.row(r, sights.get(r.shape.name), reasons[r.shape.name])
+            for r in tested
+        ]
         if chosen is not None:
             sigma_um = chosen.found.known.sigma_um
-            rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
+            rows.append(self._ranking.set_row(chosen.tested, chosen.sights, sigma_um))
         return FeatureSetResult(chosen=chosen, rows=(*rows, *skipped), advice=advice)
 
     def left_out(self) -> tuple[p.FeatureRow, ...]:
         """Return the rows of a look whose target alone does."""
         target, others = target_alone(self.problem, self.tried)
         used = "used: it alone does"
-        return (self._judged.row(target, self._sight(target), used), *others)
+        return (self._ranking.row(target, self._sight(target), used), *others)
 
     def _reasons(
-        self, found: FeatureSet | None, chosen: ChosenSet | None, advice: str
-    ) -> Mapping[str, str]:
-        """Return why a feature is used or not, by name, where that is known."""
-        if chosen is None and self._chosen_alone is not None:
-            name = self.problem.shape.name
-            return {name: f"used: it alone passes; no set does: {advice}"}
-        return {} if found is None or chosen is None else dict(found.reasons)
-
-    def _row(
         self,
-        raced: TestedFeature,
-        sight: FeatureMeasurement | None,
-        said: Mapping[str, str],
+        tested: Sequence[TestedFeature],
+        found: FeatureSet | None,
+        chosen: ChosenSet | None,
         advice: str,
-    ) -> p.FeatureRow:
-        """Return the plan's row of a feature that was evaluated."""
-        if sight is None:
-            why = f"rejected: {raced.tried.comparison.selection.advice}"
-            return self._judged.row(raced, None, why)
-        unused = f"passes as one of several; no set is used: {advice}"
-        return self._judged.row(raced, sight, said.get(raced.shape.name, unused))
+    ) -> Mapping[str, str]:
+        """Return why each feature is used or not, by name."""
+        reasons = {
+            each.shape.name: f"passes as one of several; no set is used: {advice}"
+            for each in tested
+        }
+        if chosen is not None and found is not None:
+            reasons |= dict(found.reasons)
+        elif chosen is None and self._chosen_alone is not None:
+            name = self.problem.shape.name
+            reasons[name] = f"used: it alone passes; no set does: {advice}"
+        return reasons | {
+            each.shape.name: f"rejected: {each.tried.comparison.selection.advice}"
+            for each in tested
+            if not each.passes
+        }
 
     def _settled(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Mapping[str, FeatureMeasurement],
         found: FeatureSet | None,
     ) -> tuple[ChosenSet | None, str]:
         """Return the set after its own trials, or what to relax."""
         if found is None:
             faults = (
-                f"{r.shape.name}: {r.tried.comparison.selection.advice}" for r in raced
+                f"{r.shape.name}: {r.tried.comparison.selection.advice}" for r in tested
             )
             return None, "; ".join(faults)
         if not found.qualifies:
@@ -111,7 +114,7 @@ class FeatureSetSearch:
         target = self.problem.shape.name
         if self._chosen_alone is not None and found.names == (target,):
             return None, f"{target} alone does"
-        members = [r for r in raced if r.shape.name in found.names]
+        members = [r for r in tested if r.shape.name in found.names]
         chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
         fault = self._missed(chosen)
         rival = None if self._effort.thorough else self._chosen_alone
@@ -165,19 +168,19 @@ class FeatureSetSearch:
         return PoseRequirement(
             sigma_um=share * case.tolerance_um / 2,
             sigma_theta_rad=None if turn is None else share * turn / 2,
-            radius_um=self._judged.radius_um,
+            radius_um=self._ranking.radius_um,
             most=MOST_TOGETHER,
             redundant=False,
         )
 
     @property
-    def _judged(self) -> FeatureRanking:
+    def _ranking(self) -> FeatureRanking:
         """Return the ranking of features: a rotation counts as its corners' path."""
         x0, y0, x1, y1 = self.problem.shape.box_um
         radius_um = math.hypot(x1 - x0, y1 - y0) / 2
         return FeatureRanking(case=self.tried.case, radius_um=radius_um)
 
-    def _sight(self, raced: TestedFeature) -> FeatureMeasurement:
+    def _sight(self, tested: TestedFeature) -> FeatureMeasurement:
         """Return the measurement of a feature, as the search for a set uses it.
 
         The target is where the look is to find it; on a part as fabricated its edges
@@ -185,11 +188,11 @@ class FeatureSetSearch:
         """
         shape = self.problem.shape
         return sight_of(
-            raced.feature,
-            raced.chosen,
+            tested.feature,
+            tested.chosen,
             about_um=shape.center_um,
             theta_rad=self.tried.case.theta_rad,
-            made_um=0.0 if raced.shape.name == shape.name else self._made_um,
+            made_um=0.0 if tested.shape.name == shape.name else self._made_um,
         )
 
     @property
@@ -198,13 +201,13 @@ class FeatureSetSearch:
         part = self.problem.task.parts.get(self.problem.shape.owner)
         return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
 
-    def _shared_um(self, raced: Sequence[TestedFeature], found: FeatureSet) -> float:
+    def _shared_um(self, tested: Sequence[TestedFeature], found: FeatureSet) -> float:
         """Return what the target's fabrication adds to a set, um: others do not see it.
 
         In so far as the target itself is measured its weight takes that off.
         """
         weight = 0.0
-        for each in raced:
+        for each in tested:
             if each.shape.name == self.problem.shape.name:
                 own = self._sight(each).sigma_um
                 weight = min(1.0, (found.known.sigma_um / own) ** 2) if own else 1.0
@@ -212,26 +215,26 @@ class FeatureSetSearch:
 
     def _tested(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Sequence[FeatureMeasurement],
         found: FeatureSet,
     ) -> ChosenSet:
         """Return the set with the score of fresh trials."""
         case, context = self.tried.case, self.problem.context
-        names = "+".join(r.shape.name for r in raced)
+        names = "+".join(r.shape.name for r in tested)
         fresh = replace(case, key=f"{case.key}/{names}")
-        least = len(raced) - 1 if self._has_spare(found) else len(raced)
+        least = len(tested) - 1 if self._has_spare(found) else len(tested)
         score = context.memo.call(
             score_set,
             fresh,
-            [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
+            [self._member(r, s) for r, s in zip(tested, sights, strict=True)],
             design(fresh, context.effort.trials, self.problem.task.seed),
             least=least,
             map=context.map,
         )
         return ChosenSet(
-            raced=tuple(raced), sights=tuple(sights), score=score, found=found,
-            least=least, shared_um=self._shared_um(raced, found),
+            tested=tuple(tested), sights=tuple(sights), score=score, found=found,
+            least=least, shared_um=self._shared_um(tested, found),
         )  # fmt: skip
 
     def _has_spare(self, found: FeatureSet) -> bool:
@@ -242,17 +245,17 @@ class FeatureSetSearch:
             or found.dropped_theta_rad <= need.sigma_theta_rad
         )
 
-    def _member(self, raced: TestedFeature, sight: FeatureMeasurement) -> Member:
+    def _member(self, tested: TestedFeature, sight: FeatureMeasurement) -> Member:
         """Return a feature as trials of the set measure it."""
-        chain = raced.chosen.chain
-        artifacts = raced.tried.comparison.prepared.artifacts
+        chain = tested.chosen.chain
+        artifacts = tested.tried.comparison.prepared.artifacts
         return Member(
-            case=raced.tried.case,
+            case=tested.tried.case,
             prepared=PreparedRoutines(
                 chains=(chain,), artifacts={name: artifacts[name] for name in chain}
             ),
-            score=raced.chosen,
-            offset_um=offset_um(raced.shape, self.problem.shape),
+            score=tested.chosen,
+            offset_um=offset_um(tested.shape, self.problem.shape),
             sigma_um=sight.sigma_um,
         )
 

@@ -59,7 +59,7 @@ def rejections(reasons: Sequence[tuple[Chain, str]]) -> str:
         said = why.removeprefix("rejected: ")
         kinds.setdefault(_kind(said), []).append((chain, said))
     ordered = sorted(kinds.values(), key=lambda alike: -len(alike))  # stable
-    return "; ".join(map(_told, ordered))
+    return "; ".join(map(_described, ordered))
 
 
 def commonest_hint(scores: Sequence[ChainScore], advice: str) -> str:
@@ -83,7 +83,7 @@ def _kind(why: str) -> str:
     return _NUMBER.sub("#", re.sub(r"; worst .*", "", why))
 
 
-def _told(alike: Sequence[tuple[Chain, str]]) -> str:
+def _described(alike: Sequence[tuple[Chain, str]]) -> str:
     """Return one reason, with its first chain and how many share it."""
     chain, why = alike[0]
     more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""

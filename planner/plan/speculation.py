@@ -97,8 +97,8 @@ def begin(
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
 
-    A look whose demands depend on the looks before it is begun: its first contest is
-    held, and the races of the part's other features if that wants them.
+    A look whose tolerance depends on the looks before it is only begun: evaluated once,
+    and the part's other features if that result wants them.
     """
     found = [
         asked
