@@ -192,7 +192,7 @@ def _drifts(
         root_seed=task.seed,
         draws=draws,
     )
-    borne = partial(
+    tolerance = partial(
         DriftTolerance,
         job=job,
         goal=goal,
@@ -200,11 +200,11 @@ def _drifts(
         bias_um=found.chosen.bias_um or (0.0, 0.0),
         lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
     )
-    asked = [(d, borne(setting=d.setting)) for d in DIRECTIONS]
+    asked = [(d, tolerance(setting=d.setting)) for d in DIRECTIONS]
     reached = context.memo.each(_reach, search, asked, context.map)
     return dict(zip(DIRECTIONS, reached, strict=True))
 
 
 def _reach(search: ToleranceSearch, asked: tuple[Direction, DriftTolerance]) -> float:
-    direction, borne = asked
-    return search.reach(direction, is_placed, borne)
+    direction, tolerance = asked
+    return search.reach(direction, is_placed, tolerance)

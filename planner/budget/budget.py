@@ -171,16 +171,16 @@ def _scale_row(
 
 def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
     """Return the budget of a grasp: the clearance of the part between the jaws."""
-    stands = between_jaws(task, state, step)
+    clearance = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
-    total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
+    total = math.hypot(clearance.sigma_um, grip.sigma_xy_um)
     return Budget(
         rows=(
-            _row("place of the part", stands.sigma_um, "alignment before"),
+            _row("place of the part", clearance.sigma_um, "alignment before"),
             _row("place of the jaws", grip.sigma_xy_um, "workcell"),
         ),
-        limit_um=stands.room_um,
-        success_probability=_inside(stands.half_room_um, stands.offset_um, total),
+        limit_um=clearance.room_um,
+        success_probability=_inside(clearance.half_room_um, clearance.offset_um, total),
         advice="",
     )
 

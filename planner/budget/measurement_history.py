@@ -54,14 +54,14 @@ def remember(
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
     )
     owner = owner_of(look.look.target)
-    told = {} if seen.sigma_theta_rad is None else {owner: seen}
+    angle = {} if seen.sigma_theta_rad is None else {owner: seen}
     return replace(
         history,
         magnification=view.magnification,
         setting=MicroscopeSetting(look=look.look.id, view=view),
         seen={**history.seen, owner: seen},
         looks={**history.looks, owner: look},
-        angles={**history.angles, **told},
+        angles={**history.angles, **angle},
     )
 
 

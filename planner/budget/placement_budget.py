@@ -67,11 +67,11 @@ def place_budget(
     if put is None:
         return None
     placed, left, goal = _placement(put), placement_residual(put), share_of_goal(task)
-    turning, job = angle_error(put), placement_errors(put, left)
+    angle, job = angle_error(put), placement_errors(put, left)
     budget, verdict = context.memo.call(
-        placing_budget, placed, job, left, turning, goal=goal
+        placing_budget, placed, job, left, angle, goal=goal
     )
-    others = other_success(placed, turning)
+    others = other_success(placed, angle)
     needed = goal / others if others > 0 else 1.0
     if put.align is None:
         return budget, verdict
@@ -209,12 +209,12 @@ def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
         return
     state = put.release.before
     points = (put.verify.target, put.verify.on)
-    for name, seen, told, point in zip(
+    for name, seen, angle, point in zip(
         (put.part, put.seat), put.seen, put.angles_seen, points, strict=True
     ):
         if seen is None:
             continue
-        sigma = _angle_rad(told, state.parts[name].sigma_theta_rad)
+        sigma = _angle_rad(angle, state.parts[name].sigma_theta_rad)
         way = lever_um(put, name, seen.name, point or "")
         yield from _lever(LEVER.format(seen.name), sigma, way)
     aligned = next(

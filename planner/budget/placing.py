@@ -54,10 +54,10 @@ def within(radius_um: float) -> RoundFit:
     )
 
 
-def other_success(placed: Placement, turning: AngleError) -> float:
+def other_success(placed: Placement, angle: AngleError) -> float:
     """Return the probability that the angle is within its limit, nothing sticking."""
     limit = placed.within_rad
-    turned = 0.0 if limit is None else turning.beyond(limit)
+    turned = 0.0 if limit is None else angle.beyond(limit)
     return (1 - turned) * (1 - placed.stick_probability)
 
 
@@ -65,7 +65,7 @@ def placing_budget(
     placed: Placement,
     job: Insertion,
     left: LateralResidual,
-    turning: AngleError,
+    angle: AngleError,
     *,
     goal: float = 0.0,
 ) -> tuple[Budget, PlacingVerdict]:
@@ -77,9 +77,9 @@ def placing_budget(
         What is put where.
     job : Insertion
         The position's errors, in a fit that `within` makes of the tolerance.
-    left : Left
+    left : LateralResidual
         What the alignment leaves sideways, with its name.
-    turning : Turning
+    angle : AngleError
         The angle's error.
     goal : float
         The step's share of the task's.
@@ -105,13 +105,13 @@ def placing_budget(
         goal,
         limit_um=placed.within_um,
         yields=(_yield_over(job),),
-        others=other_success(placed, turning),
+        others=other_success(placed, angle),
         widen=WIDEN,
     )
-    return budget, _verdict(placed, job, turning)
+    return budget, _verdict(placed, job, angle)
 
 
-def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingVerdict:
+def _verdict(placed: Placement, job: Insertion, angle: AngleError) -> PlacingVerdict:
     """Return the numbers of a placement."""
     half_um, most_um = (_quantile_um(job, share) for share in QUANTILES)
     limit = placed.within_rad
@@ -124,11 +124,11 @@ def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingV
         most_um=most_um,
         place_probability=1 - job.miss,
         within_rad=placed.within_rad,
-        turn_rows=turning.rows,
-        turn_sigma_rad=turning.sigma_rad,
-        turn_probability=1.0 if limit is None else 1 - turning.beyond(limit),
+        turn_rows=angle.rows,
+        turn_sigma_rad=angle.sigma_rad,
+        turn_probability=1.0 if limit is None else 1 - angle.beyond(limit),
         far_um=placed.far_um,
-        far_sigma_um=placed.far_um * math.sin(min(turning.sigma_rad, math.pi / 2)),
+        far_sigma_um=placed.far_um * math.sin(min(angle.sigma_rad, math.pi / 2)),
         stick_probability=placed.stick_probability,
     )
 

@@ -94,8 +94,8 @@ def measure_record(
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
-    beside = math.sqrt(max(counts**2 - own**2, 0.0))
-    return math.hypot(spare.sigma_um or 0.0, beside)
+    more = math.sqrt(max(counts**2 - own**2, 0.0))
+    return math.hypot(spare.sigma_um or 0.0, more)
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:

@@ -92,7 +92,7 @@ def miss_probability(
 
     Parameters
     ----------
-    fit : Fit
+    fit : RoundFit
         Hole and shaft.
     residual : Residual
         What the servo leaves.

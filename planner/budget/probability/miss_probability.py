@@ -45,7 +45,7 @@ def probability_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -
 
     Parameters
     ----------
-    room : Room
+    room : VaryingRadius
         Law of the radius; where it is not positive, everything is beyond.
     landing : Landing
         Bias and what a servo leaves.
