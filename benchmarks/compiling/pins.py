@@ -17,13 +17,14 @@ from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.control import method_of, tolerance_um
+from microplan.planner.budget.control import tolerance_um
 from microplan.planner.budget.insert_budget import (
     insert_budget,
     insertion_of,
     share_of_goal,
 )
 from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.budget.methods import method_of
 from microplan.planner.budget.step_budget import left_of
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task

@@ -1,4 +1,4 @@
-"""What an alignment leaves sideways: after one correction, or where a servo stops."""
+"""Lateral residual of an alignment by one correction or a servo."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def residual_after(
     before: PastMeasurement | None,
     turned: float = 1.0,
 ) -> LateralResidual:
-    """Return what an alignment leaves.
+    """Return the lateral residual of an alignment.
 
     A servo may end at its first look: then the error is that of the approach, by the
     look before, cut off at the tolerance. Every later look follows a correction,
@@ -43,8 +43,9 @@ def residual_after(
         How it is run.
     within_um : float
         Its tolerance.
-    before : Sighted or None
-        The look that its approach goes by; None: the target's place as the task has it.
+    before : PastMeasurement or None
+        The look that its approach goes by; None: the target's position as the task has
+        it.
     turned : float
         Chance that the angle is within its tolerance at the first look.
     """
@@ -72,10 +73,10 @@ def residual_after(
 def approach_um(
     task: Task, align: StepState, before: PastMeasurement | None
 ) -> tuple[float, float]:
-    """Return how well an approach's goal is known, and where it ends: one sigma, um.
+    """Return sigma of an approach's goal, and of where it ends, um.
 
     It goes by the look before, whose zoom it keeps: of the zoom's scale, the workcell's
-    own spread moves the place seen, not the one that trials stand.
+    own sigma moves the position seen, not that of the trials.
     """
     known_um = (
         part_sigma_um(align.before, owner_of(align.step.target or ""))
@@ -87,16 +88,16 @@ def approach_um(
 
 
 def _seen_um(task: Task, before: PastMeasurement) -> float:
-    """Return the spread of a look, the zoom's scale as the workcell has it."""
-    if before.steady_um is None:
+    """Return sigma of a look, um, the zoom's scale as the workcell has it."""
+    if before.sigma_without_scale_um is None:
         return before.sigma_um
     scale = task.workcell.optics.zoom.scale_sigma
     away_um = scale * math.hypot(*before.place_um)
-    return min(before.sigma_um, math.hypot(before.steady_um, away_um))
+    return min(before.sigma_um, math.hypot(before.sigma_without_scale_um, away_um))
 
 
 def unaligned(state: State, parts: Iterable[str], since: str) -> LateralResidual:
-    """Return what is left without an alignment: all that is known of the places."""
+    """Return the lateral residual without an alignment: the parts' own errors."""
     spread = [part_sigma_um(state, name) for name in parts]
     return LateralResidual(
         residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
@@ -106,12 +107,12 @@ def unaligned(state: State, parts: Iterable[str], since: str) -> LateralResidual
 
 
 def moved_by(task: Task, align: StepState) -> Carrier:
-    """Return which axes an alignment corrects: those that carry its target."""
+    """Return the axes that an alignment corrects: those that carry its target."""
     return locate_place(task, align.before, align.step.target or "").carrier
 
 
 def residual_of(task: Task, within_um: float, carrier: Carrier) -> Residual:
-    """Return what a servo that moves `carrier` leaves.
+    """Return the residual of a servo that moves `carrier`.
 
     Axes that repeat to s about their readings carry the error of the move before
     into the next correction: e+ = (1 - g) e + n - n+, whose variance settles at
@@ -123,7 +124,7 @@ def residual_of(task: Task, within_um: float, carrier: Carrier) -> Residual:
 
 
 def single_residual(task: Task, carrier: Carrier) -> Residual:
-    """Return what one correction leaves: the errors of two moves, nothing cut off."""
+    """Return the residual of one correction: the errors of two moves, not cut off."""
     sigma = axes_of(task, carrier).repeatability_xy_um
     return Residual(sigma_um=sigma * math.sqrt(2), within_um=math.inf)
 
@@ -131,13 +132,13 @@ def single_residual(task: Task, carrier: Carrier) -> Residual:
 def gain_of(task: Task) -> float:
     """Return the gain, at most half of what is stable.
 
-    A frame is taken after every move has settled, so no frame is on its way.
+    A frame is taken after every move has settled, so no frame is delayed.
     """
     return min(task.workcell.servo.gain, gain_limit(0) / 2)
 
 
 def _swing_um(task: Task, align: StepState) -> float:
-    """Return how far turns that do not repeat swing what is aligned, one sigma."""
+    """Return the displacement by rotations that do not repeat, one sigma, um."""
     if align.step.tolerance_theta_rad is None:
         return 0.0
     carrier = moved_by(task, align)

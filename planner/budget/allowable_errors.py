@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 from microplan.featuresel.trials.tolerance_search import (
     Direction,
@@ -16,9 +17,10 @@ from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import residual_after
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.drift_since_look import Borne, is_placed
+from microplan.planner.budget.drift_since_look import DriftTolerance, is_placed
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.budget.offenders import largest_um
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
@@ -26,22 +28,23 @@ from microplan.planner.looks.measures import MeasuredFeature
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import insertion_after
+from microplan.schemas.plan import Budget
 from microplan.schemas.plan.verdicts import Allowed
 
 OTHER_ZOOM = 2.0  # any that is not the present one: every change has the same jump
-HOPELESS = 1e-3  # a chance elsewhere that decides nothing
+HOPELESS = 1e-3  # a probability at another zoom that decides nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdmissibleError:
-    """How far off a look may be, 2 sigma and bias, without a change of zoom."""
+    """Largest error of a look that the next insertion tolerates, 2 sigma + |bias|."""
 
     admissible_um: float | None = None  # the insertion still has its share of the goal
     # the insertion is as likely as with a faultless look at any other zoom
     break_even_um: float | None = None
 
 
-def bearable(
+def admissible_errors(
     task: Task,
     states: tuple[StepState, ...],
     align: StepState,
@@ -49,10 +52,10 @@ def bearable(
     seen: Mapping[str, PastMeasurement],
     memo: Memo = EVERY_TIME,
 ) -> AdmissibleError:
-    """Return how far off an alignment's look may be for the insertion after it.
+    """Return the largest error of an alignment's look that its insertion tolerates.
 
     Twice the largest sigma of the look, its setting that of the last look at the same
-    part. Nothing if no insertion follows, nobody states a goal, or no sigma would do.
+    part. Nothing if no insertion follows, no goal is specified, or no sigma would do.
     """
     step, goal = insertion_after(states, align), share_of_goal(task)
     owner = owner_of(align.step.target or "")
@@ -60,7 +63,7 @@ def bearable(
     if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
         return AdmissibleError()
     here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id, steady_um=None)
+    look = replace(before, step=align.step.id, sigma_without_scale_um=None)
     left = residual_after(task, align, "servo", within_um, before)
 
     def job(look: PastMeasurement) -> Insertion | None:
@@ -82,58 +85,67 @@ def bearable(
     )
 
 
-# Fewer tell nothing of their scatter: six degrees of freedom put a sigma to 30 %.
+# Fewer do not determine their scatter: six degrees of freedom put sigma to 30 %.
 LEAST_DRAWS = 4
-DIRECTIONS = (
-    Direction("focus", -1),
-    Direction("focus", 1),
-    Direction("zoom", -1),
-    Direction("zoom", 1),
-    Direction("light", -1),
-    Direction("light", 1),
-    Direction("gradient", 1),
-    Direction("pose", 1),
-)
 UNITS = {"focus": "um", "pose": "um"}
 ORDER: tuple[Setting, ...] = ("focus", "zoom", "light", "gradient", "pose")
+BOTH: tuple[Literal[-1, 1], ...] = (-1, 1)
+ONE_SIDED = ("gradient", "pose")
+DIRECTIONS = tuple(
+    Direction(setting, sign)
+    for setting in ORDER
+    for sign in (BOTH[1:] if setting in ONE_SIDED else BOTH)
+)
 
 
-def allowable_errors(
+def with_allowable_errors(
+    budget: Budget,
     task: Task,
     job: Insertion,
     goal: float,
-    looks: Iterable[tuple[str, CompiledLook]],
-    effects: CompileContext,
-) -> tuple[Allowed, ...]:
-    """Return how far each setting of each look may be off, one at a time.
+    history: MeasurementHistory,
+    parts: Iterable[str],
+    context: CompileContext,
+) -> Budget:
+    """Return a budget with the allowable error of each setting of the parts' looks.
 
     Parameters
     ----------
+    budget : Budget
+        Of an insertion or a placement, with its analysis.
     task : Task
         The task.
     job : Insertion
-        What the looks serve, as it is.
+        The insertion or placement, with all its errors.
     goal : float
-        Chance that it must keep; where it has not even that, nothing is allowed.
-    looks : iterable of (term, CompiledLook)
-        The looks, each with the name of its error in the budget.
-    effects : Effects
+        Probability that it must keep; where it is below that, nothing is allowed.
+    history : MeasurementHistory
+        The last looks by part.
+    parts : iterable of str
+        The parts whose looks serve it.
+    context : CompileContext
         How many images may be spent.
 
     Returns
     -------
-    tuple of Allowed
-        Of a look at several features, what each of them bears by itself. Steps are
-        those of `microplan.featuresel.trials.tolerance_search`: the next one was not
-        borne.
+    Budget
+        With errors one at a time, of a look at several features for each of them by
+        itself. Steps are those of `microplan.featuresel.trials.tolerance_search`: the
+        next one was not tolerated.
     """
+    if budget.analysis is None:
+        raise ValueError("the budget of a look's errors has an analysis")
     if goal <= 0 or 1 - job.miss < goal:
-        return ()
-    return tuple(
+        return budget
+    allowed = tuple(
         row
-        for term, look in looks
-        for row in _of_look(task, job, goal, term, look, effects)
+        for part in parts
+        if part in history.looks
+        for row in _of_look(
+            task, job, goal, history.seen[part].term, history.looks[part], context
+        )
     )
+    return replace(budget, analysis=replace(budget.analysis, allowed=allowed))
 
 
 def _of_look(
@@ -142,23 +154,22 @@ def _of_look(
     goal: float,
     term: str,
     look: CompiledLook,
-    effects: CompileContext,
+    context: CompileContext,
 ) -> Iterator[Allowed]:
     """Yield a row for each setting of one look."""
-    draws = max(effects.effort.range_draws, LEAST_DRAWS)
+    draws = max(context.effort.range_draws, LEAST_DRAWS)
     found = [
-        _drifts(task, job, goal, term, each, effects, draws) for each in look.found
+        _drifts(task, job, goal, term, each, context, draws) for each in look.found
     ]
     for setting in ORDER:
         sides = [[drifts[d] for d in DIRECTIONS if d.setting == setting]
                  for drifts in found]  # fmt: skip
         least, most = min(max(s) for s in sides), max(min(s) for s in sides)
         ratio = 1.0 if setting in ("zoom", "light") else 0.0
-        one_sided = len(sides[0]) == 1
         yield Allowed(
             error=setting,
             look=look.look.target,
-            least=0.0 if one_sided else ratio + most,
+            least=0.0 if setting in ONE_SIDED else ratio + most,
             most=ratio + least,
             unit=UNITS.get(setting, "1"),
             source=f"{draws} draws a step, all else as it is",
@@ -171,29 +182,29 @@ def _drifts(
     goal: float,
     term: str,
     found: MeasuredFeature,
-    effects: CompileContext,
+    context: CompileContext,
     draws: int,
 ) -> dict[Direction, float]:
-    """Return the last drift borne in every direction by one feature of a look."""
+    """Return the last drift tolerated in every direction by one feature of a look."""
     search = ToleranceSearch(
         case=found.tried.case,
-        prepared=alone(found.tried.prepared, found.chosen.chain),
+        prepared=alone(found.tried.comparison.prepared, found.chosen.chain),
         root_seed=task.seed,
         draws=draws,
     )
-    borne = partial(
-        Borne,
+    tolerance = partial(
+        DriftTolerance,
         job=job,
         goal=goal,
         term=term,
         bias_um=found.chosen.bias_um or (0.0, 0.0),
         lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
     )
-    asked = [(d, borne(setting=d.setting)) for d in DIRECTIONS]
-    reached = effects.memo.each(_reach, search, asked, effects.map)
+    asked = [(d, tolerance(setting=d.setting)) for d in DIRECTIONS]
+    reached = context.memo.each(_reach, search, asked, context.map)
     return dict(zip(DIRECTIONS, reached, strict=True))
 
 
-def _reach(search: ToleranceSearch, asked: tuple[Direction, Borne]) -> float:
-    direction, borne = asked
-    return search.reach(direction, is_placed, borne)
+def _reach(search: ToleranceSearch, asked: tuple[Direction, DriftTolerance]) -> float:
+    direction, tolerance = asked
+    return search.reach(direction, is_placed, tolerance)

@@ -1,10 +1,10 @@
-"""Error budgets of the mechanical actions: every term with its source."""
+"""Error budgets of mechanical actions: every term with its source."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import Carrier, State, locate_place
 from microplan.planner.assembly.holding import between_jaws
@@ -17,26 +17,28 @@ from microplan.schemas.plan import Budget, BudgetRow
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
-NOT_MODELLED = (
-    ("tilt of the part in the jaws", "not modelled: no look and no drawing tells it"),
+TILT_IN_JAWS = BudgetRow(
+    term="tilt of the part in the jaws",
+    sigma_um=None,
+    source="not modelled: no look and no drawing tells it",
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PastMeasurement:
-    """What a look promised of its target: the compile-time memory of a measurement."""
+    """Accuracy of the last look at a target, as known at compile time."""
 
     name: str
     step: str  # id of the step that looked
     sigma_um: float
     magnification: float
     focus_um: float
-    distortion_sigma_um: float  # at the target's place
-    coherence_um: float  # how far partly coherent light moves its middle
+    distortion_sigma_um: float  # at the target's position
+    coherence_um: float  # displacement of its middle by partly coherent light
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
-    # `sigma_um` without what the zoom's scale makes of the place; None: the same
-    steady_um: float | None = None
+    # `sigma_um` without the magnification error; None: the same
+    sigma_without_scale_um: float | None = None
 
     @property
     def term(self) -> str:
@@ -45,7 +47,7 @@ class PastMeasurement:
 
 
 def fit_of(task: Task, insert: StepState) -> RoundFit | None:
-    """Return the fit of an insertion, None if its hole or shaft is not round."""
+    """Return the round fit of an insertion, None if hole or shaft is not round."""
     mating = mating_of(task, insert.step, insert.after)
     if mating is None:
         return None
@@ -69,97 +71,88 @@ def blind_rows(
     *,
     doing: str = "inserting",
 ) -> tuple[BudgetRow, ...]:
-    """Return the terms of an insertion, or of a placement, that the servo cannot see.
+    """Return the error rows of an insertion, or a placement, unseen by the servo.
 
     `travel_um` is how far stage and robot go in z, each along an axis of its own tilt;
-    `takes_s` how long that takes.
+    `takes_s` the time of that, s.
     """
     rows = []
-    if travel_um["stage"] or not travel_um["robot"]:
+    stage_um, robot_um = travel_um["stage"], travel_um["robot"]
+    if stage_um or not robot_um:
         rows.append(
-            BudgetRow(
-                term="stage axis tilt over the travel",
-                sigma_um=cell.stage.axis_tilt_sigma_rad * travel_um["stage"],
-                source=f"workcell axis_tilt_sigma_mrad x {travel_um['stage']:g} um",
+            _row(
+                "stage axis tilt over the travel",
+                cell.stage.axis_tilt_sigma_rad * stage_um,
+                f"workcell axis_tilt_sigma_mrad x {stage_um:g} um",
             )
         )
-    if travel_um["robot"]:
+    if robot_um:
+        source = "not modelled: the workcell states no tilt of the robot, which goes "
         rows.append(
-            BudgetRow(
-                term="robot axis tilt over the travel",
-                sigma_um=None,
-                source="not modelled: the workcell states no tilt of the robot, which "
-                f"goes {travel_um['robot']:g} um",
-            )
+            _row("robot axis tilt over the travel", None, f"{source}{robot_um:g} um")
         )
     drift_um = cell.stage.drift_um_per_min * takes_s / SECONDS_PER_MIN
-    rows.append(
-        BudgetRow(
-            term=f"drift while {doing}",
-            sigma_um=drift_um,
-            source=f"workcell drift_um_per_min x {takes_s:.3g} s",
-        )
-    )
+    source = f"workcell drift_um_per_min x {takes_s:.3g} s"
+    rows.append(_row(f"drift while {doing}", drift_um, source))
     if hole is not None and shaft is not None:
         rows += looking_rows(cell, hole, shaft)
-    rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
-    return tuple(rows)
+    return (*rows, TILT_IN_JAWS)
+
+
+def _row(term: str, sigma_um: float | None, source: str) -> BudgetRow:
+    """Return a row that is alike in every direction."""
+    return BudgetRow(term=term, sigma_um=sigma_um, source=source)
 
 
 def looking_rows(
     cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement
 ) -> list[BudgetRow]:
-    """Return what two looks at different heights and zooms differ by."""
+    """Return the differential errors of two looks at different heights and zooms."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
-    rows = [_measured_row(seen) for seen in (hole, shaft)]
-    rows.append(
-        BudgetRow(
-            term=FOCUS_TERM,
-            sigma_um=cell.optics.focus.lateral_sigma_um_per_um * apart_um,
-            source=f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
-        )
-    )
-    rows.append(
-        BudgetRow(
-            term="lens distortion",
-            sigma_um=math.hypot(hole.distortion_sigma_um, shaft.distortion_sigma_um),
-            source="workcell distortion_sigma at the places of both looks",
-        )
-    )
-    rows.append(
-        BudgetRow(
-            term="partial coherence",
-            sigma_um=math.hypot(hole.coherence_um, shaft.coherence_um),
-            source="workcell coherence: edges move, middles of symmetry stay",
-        )
-    )
     zoomed = not math.isclose(hole.magnification, shaft.magnification)
-    rows.append(
-        BudgetRow(
-            term="parcentric jump of the zoom",
-            sigma_um=cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0,
-            source="workcell parcentric_sigma_um"
+    jump_um = cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0
+    return [
+        _measured_row(hole),
+        _measured_row(shaft),
+        _row(
+            FOCUS_TERM,
+            cell.optics.focus.lateral_sigma_um_per_um * apart_um,
+            f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
+        ),
+        _row(
+            "lens distortion",
+            math.hypot(hole.distortion_sigma_um, shaft.distortion_sigma_um),
+            "workcell distortion_sigma at the places of both looks",
+        ),
+        _row(
+            "partial coherence",
+            math.hypot(hole.coherence_um, shaft.coherence_um),
+            "workcell coherence: edges move, middles of symmetry stay",
+        ),
+        _row(
+            "parcentric jump of the zoom",
+            jump_um,
+            "workcell parcentric_sigma_um"
             if zoomed
             else "no zoom change between the looks",
-        )
-    )
-    rows.append(_scale_row(cell, hole, shaft, zoomed=zoomed))
-    return rows
+        ),
+        _scale_row(cell, hole, shaft, zoomed=zoomed),
+    ]
 
 
 def _measured_row(seen: PastMeasurement) -> BudgetRow:
-    """Return what a look errs by; the scale is common to both and has its own row."""
-    steady_um, source = seen.steady_um, "trials"
-    if steady_um is None or steady_um >= seen.sigma_um:
-        return BudgetRow(term=seen.term, sigma_um=seen.sigma_um, source=source)
+    """Return the error of a look; the scale is common to both and has its own row."""
+    own_um, source = seen.sigma_without_scale_um, "trials"
+    if own_um is None or own_um >= seen.sigma_um:
+        return _row(seen.term, seen.sigma_um, source)
     source += f" ({seen.sigma_um:.3g} um), less the zoom's scale, which has its own row"
-    return BudgetRow(term=seen.term, sigma_um=steady_um, source=source)
+    return _row(seen.term, own_um, source)
 
 
 def _scale_row(
     cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement, *, zoomed: bool
 ) -> BudgetRow:
-    """Return what an unknown magnification moves, along the line from the axis."""
+    """Return the displacement by an unknown magnification, away from the axis."""
     far_um = [math.hypot(*seen.place_um) for seen in (hole, shaft)]
     x_um, y_um = (hole if far_um[0] >= far_um[1] else shaft).place_um
     apart_um = math.hypot(*far_um)  # two zooms err by themselves
@@ -177,43 +170,30 @@ def _scale_row(
 
 
 def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
-    """Return the budget of a grasp: does the part stand free between the jaws."""
-    stands = between_jaws(task, state, step)
+    """Return the budget of a grasp: the clearance of the part between the jaws."""
+    clearance = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
-    rows = (
-        BudgetRow(
-            term="place of the part",
-            sigma_um=stands.sigma_um,
-            source="alignment before",
-        ),
-        BudgetRow(
-            term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
-        ),
-    )
-    total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
+    total = math.hypot(clearance.sigma_um, grip.sigma_xy_um)
     return Budget(
-        rows=rows,
-        limit_um=stands.room_um,
-        success_probability=_inside(stands.half_room_um, stands.offset_um, total),
+        rows=(
+            _row("place of the part", clearance.sigma_um, "alignment before"),
+            _row("place of the jaws", grip.sigma_xy_um, "workcell"),
+        ),
+        limit_um=clearance.room_um,
+        success_probability=_inside(clearance.half_room_um, clearance.offset_um, total),
         advice="",
     )
 
 
 def release_budget(task: Task, tool: str) -> Budget:
-    """Return the budget of a release: the chance that the part follows a finger."""
+    """Return the budget of a release: the probability that the part sticks."""
     stick = task.workcell.tools[tool].stick_probability
-    row = BudgetRow(
-        term="adhesion to the fingers",
-        sigma_um=None,
-        source=f"an interval of forces gives no chance (the step's verdict has it); "
-        f"stick_probability {stick:g} of the workcell (0 unless stated)",
+    source = (
+        "an interval of forces gives no chance (the step's verdict has it); "
+        f"stick_probability {stick:g} of the workcell (0 unless stated)"
     )
-    return Budget(
-        rows=(row,),
-        limit_um=None,
-        success_probability=1 - stick,
-        advice="",
-    )
+    row = _row("adhesion to the fingers", None, source)
+    return replace(EMPTY_BUDGET, rows=(row,), success_probability=1 - stick)
 
 
 def verify_budget(
@@ -222,23 +202,20 @@ def verify_budget(
     target: PastMeasurement | None,
     seat: PastMeasurement | None,
 ) -> Budget:
-    """Return what blurs a verification; it can refuse, but it moves nothing.
+    """Return the measurement errors of a verification; it moves nothing.
 
     A good assembly that is refused is no mechanical miss, so P stays 1.
     """
-    rows = () if target is None or seat is None else looking_rows(cell, target, seat)
-    return Budget(
-        rows=tuple(rows), limit_um=step.within_um, success_probability=1.0, advice=""
-    )
+    rows = [] if target is None or seat is None else looking_rows(cell, target, seat)
+    return replace(EMPTY_BUDGET, rows=tuple(rows), limit_um=step.within_um)
 
 
-def empty_budget() -> Budget:
-    """Return the budget of a step that cannot miss mechanically."""
-    return Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
+# Of a step that cannot miss mechanically
+EMPTY_BUDGET = Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
 
 
 def _inside(half_um: float, offset_um: float, sigma_um: float) -> float:
-    """Return the chance that a normal place about `offset_um` is within +-half."""
+    """Return the probability that a normal error about `offset_um` is within +-half."""
     if half_um <= 0:
         return 0.0
     if sigma_um <= 0:

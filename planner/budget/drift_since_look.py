@@ -1,4 +1,4 @@
-"""Drift since the last look at a part: what moved, what it costs an insertion."""
+"""Drift since the last look at a part, as error of an insertion."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from microplan.schemas.plan import BudgetRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Borne:
-    """Asks of what a look measured at a drift whether the insertion bears it.
+class DriftTolerance:
+    """Test whether an insertion tolerates the measurements of a look at a drift.
 
-    What the draws are off by on average is an offset that nobody corrects, in the worst
+    The mean error of the draws is an offset that is not corrected, in the worst
     direction; what they scatter by counts as the look's error where it is larger than
     what the trials found. It is asked of draws that are all `is_placed`.
     """
 
     job: Insertion
-    goal: float  # chance that the insertion must keep
+    goal: float  # probability that the insertion must keep
     term: str  # of the look's error in the budget
     setting: Setting
     bias_um: tuple[float, float]  # taken off what is measured, in the target's frame
     lateral_um: float = 0.0  # sigma per um of focus that the lens shifts by
 
     def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
-        """Return whether the chance is kept at `drift`."""
+        """Return whether the probability is kept at `drift`."""
         places = np.array([outcome.target_um for outcome in found], dtype=np.float64)
         errors = places - np.array(self.bias_um)
         offset_um = math.hypot(*errors.mean(axis=0))
@@ -61,10 +61,7 @@ class Borne:
 
 
 def is_placed(outcome: Outcome) -> bool:
-    """Return whether a draw gave a place; a look that gives none is repeated for ever.
-
-    What such a drift does to the insertion need not be asked.
-    """
+    """Return whether a draw gave a position; a look without one is repeated."""
     return outcome.target_um is not None
 
 
@@ -77,19 +74,19 @@ def _scatter_um(errors_um: np.ndarray) -> float:
     return math.sqrt(float((off**2).sum()) / free)
 
 
-# A look tells where a part is with the error of the axes as they stood; what moves
+# A look measures a part with the error of the axes at that moment; what moves
 # afterwards loses that error and gets another.
 BEFORE_AND_AFTER = math.sqrt(2)
 
 
-def since_rows(
+def drift_rows(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
     seen: Sequence[PastMeasurement | None],
     names: Sequence[str] | None = None,
 ) -> tuple[BudgetRow, ...]:
-    """Return the terms of what changed since hole and shaft were looked at.
+    """Return the error rows of all moves since hole and shaft were measured.
 
     Parameters
     ----------
@@ -164,7 +161,7 @@ def _swing(task: Task, state: State, place: Place) -> BudgetRow:
 
 
 def _lever(task: Task, state: State, place: Place) -> tuple[float, float]:
-    """Return the way from the axis that turns a place to it, um in the world."""
+    """Return the lever from the axis of rotation to a position, um in the world."""
     here = place.pose
     if place.carrier == "stage":
         axis_x, axis_y = task.workcell.stage.theta_axis_um

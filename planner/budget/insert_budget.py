@@ -1,4 +1,4 @@
-"""The error budget of an insertion: its fit, its rows, its probability."""
+"""Error budget of an insertion: fit, rows, probability."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
-from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.offenders import (
+    WIDEN_HOLE,
+    Sizes,
     changes,
     offenders,
     sizes_of,
@@ -29,7 +31,7 @@ from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
-from microplan.schemas.plan.verdicts import BudgetAnalysis
+from microplan.schemas.plan.verdicts import BudgetAnalysis, YieldCurve
 
 
 def insertion_of(
@@ -39,7 +41,7 @@ def insertion_of(
     left: LateralResidual,
     seen: Mapping[str, PastMeasurement],
 ) -> Insertion | None:
-    """Return the insertion that starts from what is `left` sideways.
+    """Return the insertion that starts from the lateral residual `left`.
 
     `seen` are the last looks by owner. None if hole or shaft is not round.
     """
@@ -52,7 +54,7 @@ def insertion_of(
     )
     cell = task.workcell
     blind = blind_rows(cell, travel_of(insert), hole, shaft, insert_s(task, insert))
-    blind += since_rows(task, states, insert, (hole, shaft))
+    blind += drift_rows(task, states, insert, (hole, shaft))
     offset_um, offset_rad = apart(
         task, insert.after, insert.step.target or "", insert.step.onto or ""
     )
@@ -67,7 +69,7 @@ def insertion_of(
 
 
 def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float]:
-    """Return how far, um, and in which direction, rad, places are nominally apart.
+    """Return the nominal distance, um, and direction, rad, of two positions.
 
     (0, 0) where it is rounding.
     """
@@ -78,17 +80,17 @@ def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float
 
 
 def insert_s(task: Task, insert: StepState) -> float:
-    """Return how long an insertion's own moves take in z, one after the other."""
+    """Return the time of an insertion's own moves in z, s, one after the other."""
     travel = travel_of(insert)
     stated = insert.step.speed_um_per_s
     return sum(
-        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
-        for carrier, way_um in travel.items()
+        distance_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
+        for carrier, distance_um in travel.items()
     )
 
 
 def travel_of(insert: StepState) -> Mapping[Carrier, float]:
-    """Return how far stage and robot travel in z while inserting, um."""
+    """Return the travel of stage and robot in z while inserting, um."""
     before, after = insert.before, insert.after
     return {
         "stage": abs(after.stage.z_um - before.stage.z_um),
@@ -102,7 +104,7 @@ OFFSET_TERM = "offset that the moves leave"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralResidual:
-    """What is left sideways before an insertion, with its name in the budget."""
+    """Lateral residual before an insertion, with its name in the budget."""
 
     residual: Residual
     term: str
@@ -117,45 +119,74 @@ def insert_budget(
     goal: float = 0.0,
     methods: Sequence[tuple[str, float]] = (),
 ) -> Budget:
-    """Return the budget of an insertion that starts from what is `left`.
+    """Return the budget of an insertion that starts from the residual `left`.
 
-    `goal` is the step's share of the task's, `methods` are other ways to align with
-    the chances they would give. What the looks' settings bear is left open.
+    `goal` is the step's share of the task's, `methods` are other methods of alignment
+    with the probabilities they would give. Errors of the looks' settings are left out.
     """
     sizes = sizes_of(job, left.term, OFFSET_TERM, SIZE_TERM)
     values = {name: size for name, _, size in sizes}
-    rows = (
-        BudgetRow(term=left.term, sigma_um=values[left.term], source=left.source),
-        *job.blind,
-        BudgetRow(
-            term=OFFSET_TERM,
-            sigma_um=job.offset_um,
-            source="the task's moves",
-        ),
-        BudgetRow(
-            term=SIZE_TERM,
-            sigma_um=values[SIZE_TERM],
-            source="profile_tolerance_um, uniform within, on the capture radius",
-        ),
+    size_row = BudgetRow(
+        term=SIZE_TERM,
+        sigma_um=values[SIZE_TERM],
+        source="profile_tolerance_um, uniform within, on the capture radius",
     )
-    chance, rest = 1 - job.miss, job.rest
-    worst = offenders(job, sizes, goal)
-    cheap = changes(job, worst, goal, methods)
+    return analysed_budget(
+        job,
+        (*common_rows(job, left), size_row),
+        sizes,
+        goal,
+        limit_um=job.fit.capture_um,
+        yields=(yield_over_shaft(job), yield_over_tolerance(job)),
+        methods=methods,
+    )
+
+
+def common_rows(job: Insertion, left: LateralResidual) -> tuple[BudgetRow, ...]:
+    """Return the rows of an insertion or a placement: residual, the rest, offset."""
+    offset_um, source = job.offset_um, "the task's moves"
+    return (
+        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
+        *job.blind,
+        BudgetRow(term=OFFSET_TERM, sigma_um=offset_um, source=source),
+    )
+
+
+def analysed_budget(
+    job: Insertion,
+    rows: tuple[BudgetRow, ...],
+    sizes: Sizes,
+    goal: float,
+    *,
+    limit_um: float,
+    yields: tuple[YieldCurve, ...],
+    others: float = 1.0,
+    methods: Sequence[tuple[str, float]] = (),
+    widen: str = WIDEN_HOLE,
+) -> Budget:
+    """Return a budget with its offenders, its cheapest changes and advice.
+
+    `others` is the probability of all that must succeed besides; `widen` is as in
+    `microplan.planner.budget.offenders.changes`.
+    """
+    needed = min(goal / others, 1.0) if others > 0 else 1.0
+    miss, rest = job.miss, job.rest
+    worst = offenders(job, sizes, needed)
     analysis = BudgetAnalysis(
         required_probability=goal,
         offenders=worst,
-        changes=cheap,
+        changes=changes(job, worst, needed, methods, widen=widen),
         allowed=(),
-        yields=(yield_over_shaft(job), yield_over_tolerance(job)),
-        miss_probability=job.miss,
+        yields=yields,
+        miss_probability=miss,
         covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
-    advice = "" if chance >= goal else advice_of(analysis)
+    success = (1 - miss) * others
     return Budget(
         rows=rows,
-        limit_um=job.fit.capture_um,
-        success_probability=chance,
-        advice=advice,
+        limit_um=limit_um,
+        success_probability=success,
+        advice="" if success >= goal else advice_of(analysis),
         analysis=analysis,
     )
 
@@ -175,7 +206,7 @@ def advice_of(found: BudgetAnalysis) -> str:
 
 
 def share_of_goal(task: Task) -> float:
-    """Return the chance that every step which may miss must reach.
+    """Return the required probability of every step that may miss.
 
     The goal's root: each of n grasps, insertions and releases gets the same share of
     the failures, so that together they meet the goal. 0 without a goal.

@@ -1,4 +1,4 @@
-"""The chance of one insertion, all of its terms together, and with any one changed."""
+"""Success probability of one insertion from all its error terms."""
 
 from __future__ import annotations
 
@@ -22,31 +22,33 @@ from microplan.planner.budget.probability.servo_landing import BODY_SIGMAS, STEP
 from microplan.schemas.plan import BudgetRow
 
 SERVO, OFFSET, SIZE, ALL = "servo", "offset", "size", "all"
-# Axes of a covariance closer than this are one: it moves chances by less than 1e-9.
+# Axes of a covariance closer than this are one: it moves probabilities by less than
+# 1e-9.
 ROUND = 1e-9
 LEAST_NODES, MOST_NODES = 8, 128
-# Below this share of the wide axis the chance bends too sharply for Hermite nodes.
+# Below this share of the wide axis the probability bends too sharply for Hermite nodes.
 SMOOTH = 0.5
 PIECE_NODES = 6
-# How closely the mean over the wide axis is found; chances are quoted to 4 digits.
+# How closely the mean over the wide axis is found; probabilities are quoted to 4
+# digits.
 CLOSE = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Insertion:
-    """A fit and everything that keeps the parts apart sideways."""
+    """A fit with all lateral errors of the two parts."""
 
     fit: RoundFit
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
-    offset_um: float = 0.0  # that nobody corrects
+    offset_um: float = 0.0  # that is not corrected
     offset_rad: float = 0.0  # its direction in the world, as `along_rad` of the rows
     # share of alignments that end at their first look, and what those leave
     early: tuple[float, Residual] | None = None
 
     @property
     def left_um(self) -> float:
-        """Return what the servo leaves, root mean square per axis."""
+        """Return the residual of the servo, um, root mean square per axis."""
         shares = [(1.0, self.residual)]
         if self.early is not None:
             share, residual = self.early
@@ -59,7 +61,7 @@ class Insertion:
 
     @property
     def rest(self) -> PlaneNormal:
-        """Return the law of what the servo cannot see, offset included."""
+        """Return the distribution of all that the servo cannot see, with the offset."""
         off, way = self.offset_um, self.offset_rad
         middle_um = (off * math.cos(way), off * math.sin(way))
         law = PlaneNormal(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
@@ -69,7 +71,7 @@ class Insertion:
 
     @property
     def miss(self) -> float:
-        """Return the chance that the part does not go in; tails keep their digits.
+        """Return the probability of a miss; tails keep their digits.
 
         What acts along one direction only widens the rest there: the wide axis is
         averaged over, the narrow one is common to all directions.
@@ -93,11 +95,11 @@ class Insertion:
 
     @property
     def sizes_um(self) -> dict[str, float]:
-        """Return the sizes of what the servo cannot see, by term."""
+        """Return sigma of each term that the servo cannot see, um."""
         return {row.term: row.sigma_um or 0.0 for row in self.blind}
 
     def missed_with(self, offset_um: float) -> float:
-        """Return the chance of a miss with one more offset, in the worst direction.
+        """Return the probability of a miss with one more offset in the worst direction.
 
         To an offset that is there already it adds up. Without one the rest is widest
         along one direction and narrowest across it: the worse of both.
@@ -117,7 +119,7 @@ class Insertion:
         return wide - narrow > ROUND * wide
 
     def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
-        """Return the mean chance over a shift along the wide axis.
+        """Return the mean probability over a shift along the wide axis.
 
         `angle_rad` is that axis' own, from the offset's direction on.
         """
@@ -140,7 +142,7 @@ class Insertion:
         narrow_um: float,
         angle_rad: float,
     ) -> float:
-        """Return the weighted chance over shifts, (N,) each."""
+        """Return the weighted probability over shifts, (N,) each."""
         x = self.offset_um + shifts_um * math.cos(angle_rad)
         off_um = np.hypot(x, shifts_um * math.sin(angle_rad))
         chances: dict[float, float] = {}  # most come twice, on either side
@@ -152,7 +154,7 @@ class Insertion:
     def _pieces(
         self, extra_um: float, angle_rad: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return shifts and weights between the places where the chance bends.
+        """Return shifts and weights, (N,) um each, between bends of the probability.
 
         It does where the disc that the servo leaves begins or ends to touch a circle.
         """
@@ -171,7 +173,7 @@ class Insertion:
         return shifts, law / law.sum()
 
     def scaled(self, term: str, factor: float) -> Insertion:
-        """Return the same insertion with one term larger or smaller.
+        """Return the same insertion with one term scaled.
 
         `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE, or ALL of them. A
         finer stage is also asked to stop closer, in its own sigmas.
@@ -210,15 +212,10 @@ class Insertion:
 
 def _scaled(residual: Residual, factor: float) -> Residual:
     """Return what a finer or coarser servo leaves."""
-    return Residual(
-        sigma_um=residual.sigma_um * factor,
-        within_um=_times(residual.within_um, factor),
-    )
-
-
-def _times(within_um: float, factor: float) -> float:
-    """Return a cut-off scaled; none stays none."""
-    return within_um if math.isinf(within_um) else within_um * factor
+    within_um = residual.within_um
+    if not math.isinf(within_um):  # not cut off: it stays so, also at a factor of 0
+        within_um *= factor
+    return Residual(sigma_um=residual.sigma_um * factor, within_um=within_um)
 
 
 def _resized(fit: RoundFit, factor: float) -> RoundFit:

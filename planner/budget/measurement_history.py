@@ -1,4 +1,4 @@
-"""What earlier steps leave for later ones."""
+"""Measurement history: results of earlier steps for later ones."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from microplan.schemas.plan.verdicts import MethodChoice, MethodName
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementHistory:
-    """What earlier steps leave for later ones."""
+    """Measurements and settings of earlier steps, as later steps use them."""
 
     magnification: float  # the microscope is at
-    seen: Mapping[str, PastMeasurement]  # owner -> what its last look promised
+    seen: Mapping[str, PastMeasurement]  # owner -> its last look
     looks: Mapping[str, CompiledLook] = field(default_factory=dict)  # the looks
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
@@ -28,23 +28,24 @@ class MeasurementHistory:
         None  # of the microscope; None: nothing was looked at
     )
     before: PastMeasurement | None = None  # the look that its first approach went by
-    # owner -> the last look that told its angle
+    # owner -> the last look that measured its angle
     angles: Mapping[str, PastMeasurement] = field(default_factory=dict)
 
 
 def remember(
-    memory: MeasurementHistory, step: str, look: CompiledLook, moved_um: float = 0.0
+    history: MeasurementHistory, step: str, look: CompiledLook, moved_um: float = 0.0
 ) -> MeasurementHistory:
-    """Return the memory after a look of a step.
+    """Return the history after a look of a step.
 
-    `moved_um` is what moves since its frame add to the place of its target, one sigma.
+    `moved_um` is the error of the target's position by moves since its frame, one
+    sigma.
     """
     view, measure = look.look.view, look.look.measure
     seen = PastMeasurement(
         name=look.look.target,
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
-        steady_um=math.hypot(look.steady_um, moved_um),
+        sigma_without_scale_um=math.hypot(look.sigma_without_scale_um, moved_um),
         sigma_theta_rad=look.look.sigma_theta_rad,
         magnification=view.magnification,
         focus_um=view.focus_um,
@@ -53,19 +54,19 @@ def remember(
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
     )
     owner = owner_of(look.look.target)
-    told = {} if seen.sigma_theta_rad is None else {owner: seen}
+    angle = {} if seen.sigma_theta_rad is None else {owner: seen}
     return replace(
-        memory,
+        history,
         magnification=view.magnification,
         setting=MicroscopeSetting(look=look.look.id, view=view),
-        seen={**memory.seen, owner: seen},
-        looks={**memory.looks, owner: look},
-        angles={**memory.angles, **told},
+        seen={**history.seen, owner: seen},
+        looks={**history.looks, owner: look},
+        angles={**history.angles, **angle},
     )
 
 
-def method_taken(align: StepState, memory: MeasurementHistory) -> MethodName:
-    """Return how an alignment is run: as was chosen, else as the task says."""
-    if memory.choice is not None:
-        return memory.choice.method
+def method_taken(align: StepState, history: MeasurementHistory) -> MethodName:
+    """Return the method of an alignment: the one chosen, else the task's."""
+    if history.choice is not None:
+        return history.choice.method
     return "look_then_move" if align.step.method == "look_then_move" else "servo"

@@ -1,27 +1,196 @@
-"""Servo down the bore, or look once and move: which, and why."""
+"""The method of an alignment: a servo, or one look and one correction."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 from microplan.optics.outline.tolerant_order import least
+from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.alignment_residual import (
+    approach_um,
+    gain_of,
+    moved_by,
+    residual_after,
+    residual_of,
+)
+from microplan.planner.budget.budget import PastMeasurement
+from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
+from microplan.planner.budget.probability.servo_landing import Loop, expected_looks
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import insertion_after
 from microplan.schemas.page.figures import chance
-from microplan.schemas.plan.verdicts import MethodChoice, MethodOption
+from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
 
-# Chances that differ by less are equal: the quicker way is taken.
-SAME_CHANCE = 1e-6
+# Probability below which more looks, or more corrections of an angle, are not expected.
+GIVE_UP = 1e-6
+# Probabilities that differ by less are equal: the quicker method is taken.
+SAME_PROBABILITY = 1e-6
+METHODS: tuple[MethodName, ...] = ("servo", "look_then_move")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AngleCorrection:
+    """Rotation that an alignment corrects: its initial error, its residual error."""
+
+    within_rad: float
+    start_rad: float  # standard deviation before the first look
+    sigma_rad: float  # after corrections, one sigma
+    gain: float
+
+    @property
+    def inside(self) -> float:
+        """Return the probability that a correction of a small angle ends inside."""
+        if self.sigma_rad <= 0:
+            return 1.0
+        return math.erf(self.within_rad / self.sigma_rad / math.sqrt(2))
+
+    @property
+    def most(self) -> int:
+        """Return the corrections after which all but GIVE_UP of starts are inside."""
+        sigmas = NormalDist().inv_cdf(1 - GIVE_UP / 2)
+        far_rad = min(sigmas * self.start_rad, math.pi)
+        if far_rad <= self.within_rad:
+            return 0
+        if self.gain >= 1:
+            return 1
+        shrunk = math.log(far_rad / self.within_rad) / -math.log1p(-self.gain)
+        return math.ceil(shrunk)
+
+    @property
+    def expected(self) -> float:
+        """Return the mean number of corrections: one for each that ends outside."""
+        if self.start_rad <= 0:
+            return 0.0
+        left = [(1 - self.gain) ** k * self.start_rad for k in range(self.most)]
+        return sum(math.erfc(self.within_rad / s / math.sqrt(2)) for s in left if s > 0)
+
+
+def method_of(
+    task: Task,
+    states: tuple[StepState, ...],
+    align: StepState,
+    within_um: float,
+    seen: Mapping[str, PastMeasurement],
+    report: Report,
+    before: PastMeasurement | None = None,
+) -> MethodChoice:
+    """Return the method of an alignment: as the task asks, else the best one.
+
+    `seen` are the looks by owner, `before` is the one that the approach goes by. What
+    was chosen is reported.
+    """
+    step, insert = align.step, insertion_after(states, align)
+    options = tuple(
+        _option(task, states, align, within_um, method, seen, before)
+        for method in METHODS
+    )
+    found = choose(options, share_of_goal(task), "" if insert is None else insert.id)
+    if step.method != "auto":
+        return replace(
+            found, asked=step.method, method=step.method, reason="the task asks for it"
+        )
+    if insert is not None:
+        report.fact(
+            "MP612",
+            step.spans.get("method", step.where),
+            f"step {step.id!r}: aligned by {found.method}: it {found.reason}",
+            "'servo' looks after every move, 'look_then_move' once: state one as "
+            "'method' to decide yourself",
+        )
+    return found
+
+
+def _option(
+    task: Task,
+    states: tuple[StepState, ...],
+    align: StepState,
+    within_um: float,
+    method: MethodName,
+    seen: Mapping[str, PastMeasurement],
+    before: PastMeasurement | None,
+) -> MethodOption:
+    """Return a method's looks and time, and the probability of a later insertion."""
+    insert = insertion_after(states, align)
+    success = None
+    if insert is not None:
+        left = residual_after(task, align, method, within_um, before)
+        here = next(s for s in states if s.step is insert)
+        job = insertion_of(task, states, here, left, seen)
+        success = None if job is None else 1 - job.miss
+    cell, axes = task.workcell, axes_of(task, moved_by(task, align))
+    looks = 1.0
+    if method == "servo":
+        looks = _servo_looks(task, align, within_um, seen, before)
+    cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)
+    return MethodOption(
+        method=method,
+        success_probability=success,
+        looks=looks,
+        expected_s=looks * cycle_s,
+    )
+
+
+def _servo_looks(
+    task: Task,
+    align: StepState,
+    within_um: float,
+    seen: Mapping[str, PastMeasurement],
+    before: PastMeasurement | None,
+) -> float:
+    """Return how many looks a servo takes on average."""
+    carrier, angle = moved_by(task, align), angle_correction(task, align)
+    here = seen.get(owner_of(align.step.target or ""))
+    _, start_um = approach_um(task, align, before)
+    loop = Loop(
+        gain=gain_of(task),
+        move_um=axes_of(task, carrier).repeatability_xy_um,
+        look_um=here.sigma_um if here and here.step == align.step.id else 0.0,
+        start_um=start_um,
+        within_um=within_um,
+    )
+    looks = expected_looks(loop)
+    if angle is None or angle.inside <= 0:
+        return looks
+    # position and angle shrink by the same corrections; the one that takes longer
+    # counts, and each must be inside at one and the same look
+    near = replace(loop, start_um=residual_of(task, within_um, carrier).sigma_um)
+    settled = expected_looks(near)
+    return settled / angle.inside + max(looks - settled, angle.expected)
+
+
+def angle_correction(task: Task, align: StepState) -> AngleCorrection | None:
+    """Return the rotation that an alignment corrects, None if it corrects none."""
+    within_rad = align.step.tolerance_theta_rad
+    if within_rad is None:
+        return None
+    sigma = axes_of(task, moved_by(task, align)).repeatability_theta_rad
+    spread = [
+        locate_place(task, align.before, name or "").sigma_theta_rad
+        for name in (align.step.target, align.step.to)
+    ]
+    return AngleCorrection(
+        within_rad=within_rad,
+        start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
+        sigma_rad=sigma * math.sqrt(2 / (2 - gain_of(task))),
+        gain=gain_of(task),
+    )
 
 
 def choose(
     options: Sequence[MethodOption], goal: float, where: str = ""
 ) -> MethodChoice:
-    """Return the quickest way that meets `goal`, else the likeliest.
+    """Return the quickest method that meets `goal`, else the most probable one.
 
     Parameters
     ----------
     options : sequence of MethodOption
-        At least one; without chances (no insertion follows) the servo is taken, which
-        alone looks again whether it is inside the tolerance.
+        At least one; without probabilities (no insertion follows) the servo is taken,
+        which alone looks again whether it is inside the tolerance.
     goal : float
         The insertion's share of the task's goal.
     where : str
@@ -35,23 +204,24 @@ def choose(
     if not options:
         raise ValueError("a choice needs at least one option")
     known = [(o.success_probability, o) for o in options]
-    chances = [(chance, o) for chance, o in known if chance is not None]
-    if len(chances) < len(options):
+    rated = [(success, o) for success, o in known if success is not None]
+    if len(rated) < len(options):
         servo = next((o for o in options if o.method == "servo"), options[0])
         reason = "no insertion follows; a servo alone sees that it is within tolerance"
         return _chosen(servo, options, reason)
-    enough = [o for chance, o in chances if chance >= goal]
-    if enough:
-        best = _quickest(enough)
-        said = "meets" if len(enough) == 1 else "is the quickest to meet"
-        return _chosen(
-            best, options, f"{said} {goal:.4g} at {where}: {_words(options)}"
-        )
-    top = max(chance for chance, _ in chances)
-    likely = [o for chance, o in chances if chance >= top - SAME_CHANCE]
-    best = _quickest(likely)
-    reason = f"comes nearest to {goal:.4g} at {where}: {_words(options)}"
-    return _chosen(best, options, reason)
+    enough = [o for success, o in rated if success >= goal]
+    said = "meets" if len(enough) == 1 else "is the quickest to meet"
+    if not enough:
+        top = max(success for success, _ in rated)
+        enough = [o for success, o in rated if success >= top - SAME_PROBABILITY]
+        said = "comes nearest to"
+    words = ", ".join(
+        f"{o.method} P {chance(o.success_probability)} in {o.expected_s:.2g} s"
+        for o in options
+    )
+    # the first by name of those as quick
+    best = least(sorted(enough, key=lambda o: o.method), lambda o: o.expected_s)
+    return _chosen(best, options, f"{said} {goal:.4g} at {where}: {words}")
 
 
 def _chosen(
@@ -59,17 +229,4 @@ def _chosen(
 ) -> MethodChoice:
     return MethodChoice(
         asked="auto", method=option.method, reason=reason, options=tuple(options)
-    )
-
-
-def _quickest(options: Sequence[MethodOption]) -> MethodOption:
-    """Return the quickest way, the first by name of those as quick."""
-    return least(sorted(options, key=lambda o: o.method), lambda o: o.expected_s)
-
-
-def _words(options: Sequence[MethodOption]) -> str:
-    """Return every option with its chance and time."""
-    return ", ".join(
-        f"{o.method} P {chance(o.success_probability)} in {o.expected_s:.2g} s"
-        for o in options
     )

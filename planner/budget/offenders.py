@@ -1,9 +1,9 @@
-"""What an insertion's chance hangs on: offenders, cheapest changes, yield curves."""
+"""Sensitivity of an insertion's probability: offenders, changes, yield curves."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +13,8 @@ from microplan.optics.outline.tolerant_order import ordered
 from microplan.planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
 from microplan.schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
 
-# Slopes are central differences over this share of a term: chances are right to 1e-12,
-# so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.
+# Slopes are central differences over this share of a term: probabilities are right to
+# 1e-12, so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.
 STEP = 1e-3
 # Terms are searched up to this many capture radii, where no insertion succeeds by
 # design, and to this share of what is found.
@@ -29,11 +29,12 @@ LEAST_CHANCE = 1e-300
 SHAFT_SHARES = (0.0, 1.5)  # of the clearance, taken off the hole's diameter
 TOLERANCE_SHARES = (0.0, 3.0)  # of the tolerance stated
 
+WIDEN_HOLE = "widen the hole by {wider:.3g} um"
 Sizes = Sequence[tuple[str, str, float]]  # name in the budget, key of `scaled`, um
 
 
 def offenders(job: Insertion, sizes: Sizes, goal: float) -> tuple[Offender, ...]:
-    """Return every term that is not zero, by what halving it would gain.
+    """Return the offenders: every term that is not zero, by the gain of halving it.
 
     Parameters
     ----------
@@ -70,13 +71,13 @@ def changes(
     goal: float,
     methods: Sequence[tuple[str, float]] = (),
     *,
-    widen: str = "widen the hole by {wider:.3g} um",
+    widen: str = WIDEN_HOLE,
 ) -> tuple[Change, ...]:
-    """Return what would give the goal, the cheapest first; () if it is met.
+    """Return the changes that reach the goal, the cheapest first; () if it is met.
 
     A change costs as many halvings of a term, or doublings of the clearance, as it
-    takes; another method costs none. `methods` are others with their chances; `widen`
-    says what a larger radius means, by `half` and by `wider` on the diameter.
+    takes; another method costs none. `methods` are others with their probabilities;
+    `widen` says what a larger radius means, by `half` and by `wider` on the diameter.
     """
     if 1 - job.miss >= goal:
         return ()
@@ -101,26 +102,38 @@ def changes(
 
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:
-    """Return the chance over the shaft's diameter, the hole as it is."""
+    """Return the yield curve over the shaft's diameter, um."""
     hole = 2 * job.fit.hole_um
     clearance = hole - 2 * job.fit.shaft_um
-    points = []
-    for share in np.linspace(*SHAFT_SHARES, YIELD_POINTS):
-        shaft = hole - clearance * float(share)
-        fit = replace(job.fit, shaft_um=shaft / 2)
-        points.append(_point(shaft, replace(job, fit=fit)))
-    return YieldCurve(over="diameter of the shaft", points=tuple(points[::-1]))
+    shafts = [hole - clearance * share for share in _shares(SHAFT_SHARES)][::-1]
+    jobs = [replace(job, fit=replace(job.fit, shaft_um=d / 2)) for d in shafts]
+    return yield_curve("diameter of the shaft", shafts, jobs)
 
 
 def yield_over_tolerance(job: Insertion) -> YieldCurve:
-    """Return the chance over the larger profile tolerance, both growing alike."""
+    """Return the yield curve over the larger profile tolerance, um."""
     largest = max(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
-    shares = np.linspace(*TOLERANCE_SHARES, YIELD_POINTS)
-    points = [
-        _point(largest * float(share), job.scaled(SIZE, float(share)))
-        for share in (shares if largest > 0 else shares[:1])
-    ]
-    return YieldCurve(over="profile tolerance", points=tuple(points))
+    shares = _shares(TOLERANCE_SHARES) if largest > 0 else TOLERANCE_SHARES[:1]
+    values = [largest * share for share in shares]
+    return yield_curve(
+        "profile tolerance", values, [job.scaled(SIZE, share) for share in shares]
+    )
+
+
+def _shares(ends: tuple[float, float]) -> Sequence[float]:
+    """Return the shares between two ends at which a curve is evaluated."""
+    return [float(share) for share in np.linspace(*ends, YIELD_POINTS)]
+
+
+def yield_curve(
+    over: str, values_um: Sequence[float], jobs: Iterable[Insertion]
+) -> YieldCurve:
+    """Return the success probabilities of insertions over a value, um."""
+    points = (
+        YieldPoint(value_um=value, success_probability=1 - job.miss)
+        for value, job in zip(values_um, jobs, strict=True)
+    )
+    return YieldCurve(over=over, points=tuple(points))
 
 
 def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
@@ -132,10 +145,6 @@ def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
         (offset, OFFSET, abs(job.offset_um)),
         (size, SIZE, tolerance / math.sqrt(3)),
     ]
-
-
-def _point(value_um: float, job: Insertion) -> YieldPoint:
-    return YieldPoint(value_um=value_um, success_probability=1 - job.miss)
 
 
 def _slope(job: Insertion, key: str, size_um: float) -> float:
@@ -214,7 +223,7 @@ def _log_odds(hit: float, miss: float) -> float:
 
 
 def edge(spare: Callable[[float], float], low: float, high: float) -> float:
-    """Return about where `spare` turns negative, from below, to a share of SHARP.
+    """Return the root of `spare`, from below, to a share of SHARP.
 
     It is not negative at `low`, and negative at `high` or beyond.
     """

@@ -1,4 +1,4 @@
-"""What a release puts down where no shaft holds it, and what moved on the way."""
+"""Placement context of a release: the steps before that determine its errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import shapely
 
 from microplan.arrays import Point
 from microplan.planner.assembly.assembly import (
-    Carrier,
     axes_of,
     inner_center,
     owner_of,
@@ -20,14 +19,14 @@ from microplan.planner.assembly.shapes import hull
 from microplan.planner.assembly.step_states import StepState, apply_reading
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.measurement_history import MeasurementHistory
-from microplan.planner.task.task import Move, Part, Task, TaskStep
+from microplan.planner.task.task import Part, Task, TaskStep
 from microplan.planner.views.targets import middle_um
 from microplan.planner.views.view_times import move_times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementContext:
-    """A release, the step that checks it, and what brought the part there."""
+    """A release, the step that verifies it, and the steps that brought the part."""
 
     task: Task
     states: tuple[StepState, ...]
@@ -36,7 +35,7 @@ class PlacementContext:
     align: StepState | None  # None: nothing did, or it was undone
     since_align: tuple[StepState, ...]  # up to the release
     since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
-    memory: MeasurementHistory
+    history: MeasurementHistory
     held: tuple[StepState, ...] = ()  # from the grasp up to the release
     turned: StepState | None = None  # the last alignment that corrected the angle
     since_turned: tuple[StepState, ...] = ()  # up to the release
@@ -48,35 +47,35 @@ class PlacementContext:
 
     @property
     def seat(self) -> str:
-        """Return the part that it is put beside."""
+        """Return the part that it is placed against."""
         return owner_of(self.verify.on or "")
 
     @property
     def seen(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
         """Return the last looks at part and seat."""
-        return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
+        return (self.history.seen.get(self.part), self.history.seen.get(self.seat))
 
     @property
-    def told(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
-        """Return the last looks that told the angles of part and seat as they are."""
-        return (self._told(self.part), self._told(self.seat))
+    def angles_seen(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
+        """Return the last looks that measured the angles of part and seat."""
+        return (self._angle_seen(self.part), self._angle_seen(self.seat))
 
-    def _told(self, name: str) -> PastMeasurement | None:
-        """Return the last look since the grasp that told the angle of a part."""
-        last = self.memory.seen.get(name)
+    def _angle_seen(self, name: str) -> PastMeasurement | None:
+        """Return the last look since the grasp that measured the angle of a part."""
+        last = self.history.seen.get(name)
         if last is None or last.sigma_theta_rad is None:
-            last = self.memory.angles.get(name)
+            last = self.history.angles.get(name)
         held = {here.step.id for here in self.held}
         return last if last is not None and last.step in held else None
 
 
-def putting_of(
+def placement_context(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
 ) -> PlacementContext | None:
-    """Return what is put down by a release, None if no later step states where."""
+    """Return the placement of a release, None if no later step specifies one."""
     index, part = states.index(here), owner_of(here.step.target or "")
     verify = _verify_after(task, here.step)
     if verify is None or verify.on is None:
@@ -107,7 +106,7 @@ def putting_of(
         align=held[aligned[-1]] if aligned else None,
         since_align=path[aligned[-1] + 1 :] if aligned else (),
         since_seen=path[looked[-1] + 1 :] if looked else path[1:],
-        memory=memory,
+        history=history,
         held=tuple(held),
         turned=held[turning[-1]] if turning else None,
         since_turned=path[turning[-1] + 1 :] if turning else (),
@@ -135,7 +134,7 @@ def _owners(align: TaskStep) -> set[str]:
 
 
 def moves_s(task: Task, steps: Sequence[StepState]) -> float:
-    """Return how long the moves of steps take, settling included."""
+    """Return the time of the moves of steps, s, settling included."""
     total = 0.0
     for here in steps:
         state = here.before
@@ -150,12 +149,8 @@ def moves_s(task: Task, steps: Sequence[StepState]) -> float:
     return total
 
 
-def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
-    return [move for here in steps for move in here.moves if move.axes == carrier]
-
-
-def way_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
-    """Return the way between two points of a part, in the world's axes."""
+def lever_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
+    """Return the vector between two points of a part, um in the world."""
     part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
     (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))
     return (x1 - x0, y1 - y0)

@@ -1,4 +1,4 @@
-"""The budget of putting a part down: what looks, moves and angles leave."""
+"""Error budget of a placement from looks, moves, angles."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from microplan.planner.budget.alignment_residual import (
     residual_after,
     unaligned,
 )
-from microplan.planner.budget.allowable_errors import allowable_errors
+from microplan.planner.budget.allowable_errors import with_allowable_errors
 from microplan.planner.budget.budget import PastMeasurement, blind_rows
-from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.budget.insert_budget import LateralResidual, apart, share_of_goal
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.measurement_history import (
@@ -32,14 +32,13 @@ from microplan.planner.budget.measurement_history import (
 from microplan.planner.budget.placement import (
     PlacementContext,
     far_um,
-    moves_of,
+    lever_um,
     moves_s,
-    putting_of,
-    way_um,
+    placement_context,
 )
 from microplan.planner.budget.placing import (
     Placement,
-    chance_beside,
+    other_success,
     placing_budget,
     within,
 )
@@ -57,37 +56,34 @@ def place_budget(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
-    effects: CompileContext,
+    history: MeasurementHistory,
+    context: CompileContext,
 ) -> tuple[Budget, PlacingVerdict] | None:
-    """Return what a release leaves of a placement, None if nobody states a tolerance.
+    """Return the budget of a placement, None if no tolerance is specified.
 
     A part on a shaft is the insertion's.
     """
-    put = putting_of(task, states, here, memory)
+    put = placement_context(task, states, here, history)
     if put is None:
         return None
-    placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
-    turning, job = turning_of(put), job_of(put, left)
-    budget, verdict = effects.memo.call(
-        placing_budget, placed, job, left, turning, goal=goal
+    placed, left, goal = _placement(put), placement_residual(put), share_of_goal(task)
+    angle, job = angle_error(put), placement_errors(put, left)
+    budget, verdict = context.memo.call(
+        placing_budget, placed, job, left, angle, goal=goal
     )
-    others = chance_beside(placed, turning)
-    looks = [
-        (memory.seen[name].term, memory.looks[name])
-        for name in (put.part, put.seat)
-        if name in memory.looks and put.align is not None
-    ]
+    others = other_success(placed, angle)
     needed = goal / others if others > 0 else 1.0
-    borne = allowable_errors(task, job, needed, looks, effects)
-    if budget.analysis is None:
-        raise ValueError("the budget of a placement has an analysis")
-    analysis = replace(budget.analysis, allowed=borne)
-    return replace(budget, analysis=analysis), verdict
+    if put.align is None:
+        return budget, verdict
+    pair = (put.part, put.seat)
+    return (
+        with_allowable_errors(budget, task, job, needed, history, pair, context),
+        verdict,
+    )
 
 
-def left_of(put: PlacementContext) -> LateralResidual:
-    """Return what the alignment leaves sideways."""
+def placement_residual(put: PlacementContext) -> LateralResidual:
+    """Return the lateral residual of the alignment before a release."""
     if put.align is None:
         parts = (put.part, put.seat)
         since = "of them since the part was taken"
@@ -95,15 +91,15 @@ def left_of(put: PlacementContext) -> LateralResidual:
     return residual_after(
         put.task,
         put.align,
-        method_taken(put.align, put.memory),
-        put.memory.within_um,
-        put.memory.before,
-        turning_of(put).left_inside if put.turned is put.align else 1.0,
+        method_taken(put.align, put.history),
+        put.history.within_um,
+        put.history.before,
+        angle_error(put).left_inside if put.turned is put.align else 1.0,
     )
 
 
-def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
-    """Return the errors of the place, against the tolerance that is stated."""
+def placement_errors(put: PlacementContext, left: LateralResidual) -> Insertion:
+    """Return the lateral errors of a placement, with its tolerance as the fit."""
     names = (put.verify.target or "", put.verify.on or "")
     offset_um, offset_rad = apart(put.task, put.release.after, *names)
     return Insertion(
@@ -117,7 +113,7 @@ def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
 
 
 def _placement(put: PlacementContext) -> Placement:
-    """Return what is put where, and what is asked of it."""
+    """Return the placement of a release, with its tolerances."""
     target, tool = put.verify.target or "", put.release.before.tool
     tools = put.task.workcell.tools
     return Placement(
@@ -131,7 +127,7 @@ def _placement(put: PlacementContext) -> Placement:
     )
 
 
-def turning_of(put: PlacementContext) -> AngleError:
+def angle_error(put: PlacementContext) -> AngleError:
     """Return the error of the part's angle against its seat's."""
     task, turned, state = put.task, put.turned, put.release.before
     spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
@@ -148,16 +144,18 @@ def turning_of(put: PlacementContext) -> AngleError:
             if seen is not None
             else "not measured: its spread in the task",
         )
-        for name, seen, wide in zip((put.part, put.seat), put.told, spread, strict=True)
+        for name, seen, wide in zip(
+            (put.part, put.seat), put.angles_seen, spread, strict=True
+        )
     ]
     # what is remembered of an alignment is of the last one
-    last, choice = turned is put.align, put.memory.choice
+    last, choice = turned is put.align, put.history.choice
     method = choice.method if last and choice is not None else turned.step.method
     if method == "look_then_move":
         left, cut = math.sqrt(2) * repeats, math.inf
     else:
         known = spread[owner_of(turned.step.target or "") == put.seat]
-        before = put.memory.before if last else None
+        before = put.history.before if last else None
         first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
         left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
         cut = turned.step.tolerance_theta_rad or math.inf
@@ -172,7 +170,7 @@ def _angle_rad(seen: PastMeasurement | None, spread_rad: float) -> float:
 
 
 def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
-    """Yield the terms of the place that the alignment cannot see."""
+    """Yield the terms of the position that the alignment cannot see."""
     task, release = put.task, put.release.before
     start = release if put.align is None else put.align.after
     first = put.since_seen[0].before if put.since_seen else release
@@ -184,13 +182,18 @@ def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
     takes_s = moves_s(task, put.since_align)
     yield from blind_rows(task.workcell, travel, *seen, takes_s, doing="placing")
     names = (put.verify.target or "", put.verify.on or "")
-    yield from since_rows(task, put.states, put.release, seen, names)
+    yield from drift_rows(task, put.states, put.release, seen, names)
 
 
 def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
-    """Yield what turns of the axes add after the looks."""
-    for carrier, steps in _since(put):
-        moves = moves_of(steps, carrier)
+    """Yield the errors that rotations of the axes add after the looks."""
+    stage = put.since_align if put.turned is None else put.since_turned
+    since: dict[Carrier, Sequence[StepState]] = {
+        "stage": stage,
+        "robot": put.since_seen,
+    }
+    for carrier, steps in since.items():
+        moves = [move for here in steps for move in here.moves if move.axes == carrier]
         if any(move.to.theta_rad is not None for move in moves):
             repeats = axes_of(put.task, carrier).repeatability_theta_rad
             yield TurnRow(
@@ -200,37 +203,31 @@ def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
             )
 
 
-def _since(put: PlacementContext) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
-    """Return the steps in which each carrier must not turn."""
-    stage = put.since_align if put.turned is None else put.since_turned
-    return (("stage", stage), ("robot", put.since_seen))
-
-
 def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
-    """Yield what errors of angles move what is placed."""
+    """Yield the displacements by errors of angles."""
     if put.align is None:
         return
     state = put.release.before
     points = (put.verify.target, put.verify.on)
-    for name, seen, told, point in zip(
-        (put.part, put.seat), put.seen, put.told, points, strict=True
+    for name, seen, angle, point in zip(
+        (put.part, put.seat), put.seen, put.angles_seen, points, strict=True
     ):
         if seen is None:
             continue
-        sigma = _angle_rad(told, state.parts[name].sigma_theta_rad)
-        way = way_um(put, name, seen.name, point or "")
+        sigma = _angle_rad(angle, state.parts[name].sigma_theta_rad)
+        way = lever_um(put, name, seen.name, point or "")
         yield from _lever(LEVER.format(seen.name), sigma, way)
     aligned = next(
         n
         for n in (put.align.step.target, put.align.step.to)
         if owner_of(n or "") == put.part
     )
-    way = way_um(put, put.part, aligned or "", put.verify.target or "")
-    yield from _lever(TURNED, replace(turning_of(put), rows=()).sigma_rad, way)
+    way = lever_um(put, put.part, aligned or "", put.verify.target or "")
+    yield from _lever(TURNED, replace(angle_error(put), rows=()).sigma_rad, way)
 
 
 def _lever(term: str, sigma_rad: float, way: Point) -> Iterator[BudgetRow]:
-    """Yield what an angle moves at the end of a way, across it; nothing if short."""
+    """Yield the displacement by an angle at the end of a lever, if it is long."""
     arm_um = math.hypot(*way)
     if arm_um > ROUNDING_UM:
         yield BudgetRow(

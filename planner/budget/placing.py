@@ -1,4 +1,4 @@
-"""The budget of putting a part down where nothing but friction holds it."""
+"""Error budget of a placement that only friction holds."""
 
 from __future__ import annotations
 
@@ -10,24 +10,18 @@ import numpy as np
 from microplan.planner.budget.insert_budget import (
     OFFSET_TERM,
     LateralResidual,
-    advice_of,
+    analysed_budget,
+    common_rows,
 )
 from microplan.planner.budget.insertion import SIZE, Insertion
-from microplan.planner.budget.offenders import (
-    YIELD_POINTS,
-    changes,
-    offenders,
-    sizes_of,
-)
+from microplan.planner.budget.offenders import YIELD_POINTS, sizes_of, yield_curve
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import (
-    BudgetAnalysis,
     PlacingVerdict,
     YieldCurve,
-    YieldPoint,
 )
 
 NOT_MODELLED = (
@@ -42,7 +36,7 @@ SHARP = 1e-3  # of a quantile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """What a release puts where, and what a later step asks of it."""
+    """Placement of a part by a release, with the tolerances of a later step."""
 
     target: str
     on: str
@@ -54,16 +48,16 @@ class Placement:
 
 
 def within(radius_um: float) -> RoundFit:
-    """Return a tolerance as a hole over a shaft of no width."""
+    """Return a tolerance as a fit: a hole over a shaft of no width."""
     return RoundFit(
         hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
     )
 
 
-def chance_beside(placed: Placement, turning: AngleError) -> float:
-    """Return the chance that the angle is within its limit and nothing sticks."""
+def other_success(placed: Placement, angle: AngleError) -> float:
+    """Return the probability that the angle is within its limit, nothing sticking."""
     limit = placed.within_rad
-    turned = 0.0 if limit is None else turning.beyond(limit)
+    turned = 0.0 if limit is None else angle.beyond(limit)
     return (1 - turned) * (1 - placed.stick_probability)
 
 
@@ -71,7 +65,7 @@ def placing_budget(
     placed: Placement,
     job: Insertion,
     left: LateralResidual,
-    turning: AngleError,
+    angle: AngleError,
     *,
     goal: float = 0.0,
 ) -> tuple[Budget, PlacingVerdict]:
@@ -82,46 +76,42 @@ def placing_budget(
     placed : Placement
         What is put where.
     job : Insertion
-        The place's errors, in a fit that `within` makes of the tolerance.
-    left : Left
+        The position's errors, in a fit that `within` makes of the tolerance.
+    left : LateralResidual
         What the alignment leaves sideways, with its name.
-    turning : Turning
+    angle : AngleError
         The angle's error.
     goal : float
         The step's share of the task's.
 
     Notes
     -----
-    Place, angle and sticking count as independent. An error of the angle also moves the
-    place: what they share makes both go wrong together rather than one after the other,
-    so that the product errs on the safe side. What the looks' settings bear is left
-    open.
+    Position, angle and sticking count as independent. An error of the angle also moves
+    the position: what they share makes both fail together rather than separately, so
+    that the product errs on the safe side. The allowable errors of the
+    looks' settings are left open.
     """
-    others, rest = chance_beside(placed, turning), job.rest
-    needed = min(goal / others, 1.0) if others > 0 else 1.0
-    sizes = [s for s in sizes_of(job, left.term, OFFSET_TERM, "") if s[1] != SIZE]
-    worst = offenders(job, sizes, needed)
-    analysis = BudgetAnalysis(
-        required_probability=goal,
-        offenders=worst,
-        changes=changes(job, worst, needed, widen=WIDEN),
-        allowed=(),
-        yields=(_yield_over(job),),
-        miss_probability=job.miss,
-        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
+    stick = (
+        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
+        "(0 unless stated)"
     )
-    chance = (1 - job.miss) * others
-    budget = Budget(
-        rows=_rows(job, left, placed),
+    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
+    rows = (BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out)
+    sizes = sizes_of(job, left.term, OFFSET_TERM, "")
+    budget = analysed_budget(
+        job,
+        (*common_rows(job, left), *rows),
+        [size for size in sizes if size[1] != SIZE],
+        goal,
         limit_um=placed.within_um,
-        success_probability=chance,
-        advice="" if chance >= goal else advice_of(analysis),
-        analysis=analysis,
+        yields=(_yield_over(job),),
+        others=other_success(placed, angle),
+        widen=WIDEN,
     )
-    return budget, _verdict(placed, job, turning)
+    return budget, _verdict(placed, job, angle)
 
 
-def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingVerdict:
+def _verdict(placed: Placement, job: Insertion, angle: AngleError) -> PlacingVerdict:
     """Return the numbers of a placement."""
     half_um, most_um = (_quantile_um(job, share) for share in QUANTILES)
     limit = placed.within_rad
@@ -134,17 +124,17 @@ def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingV
         most_um=most_um,
         place_probability=1 - job.miss,
         within_rad=placed.within_rad,
-        turn_rows=turning.rows,
-        turn_sigma_rad=turning.sigma_rad,
-        turn_probability=1.0 if limit is None else 1 - turning.beyond(limit),
+        turn_rows=angle.rows,
+        turn_sigma_rad=angle.sigma_rad,
+        turn_probability=1.0 if limit is None else 1 - angle.beyond(limit),
         far_um=placed.far_um,
-        far_sigma_um=placed.far_um * math.sin(min(turning.sigma_rad, math.pi / 2)),
+        far_sigma_um=placed.far_um * math.sin(min(angle.sigma_rad, math.pi / 2)),
         stick_probability=placed.stick_probability,
     )
 
 
 def placing_words(step: str, found: PlacingVerdict) -> str:
-    """Return a placement in words, every number with its unit."""
+    """Return the description of a placement, every number with its unit."""
     words = (
         f"step {step!r}: {found.target} lies within {found.within_um:g} um of "
         f"{found.on} with P {chance(found.place_probability)}; half of all within "
@@ -160,31 +150,11 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
     return f"{words}; {found.verified_by!r} looks"
 
 
-def _rows(
-    job: Insertion, left: LateralResidual, placed: Placement
-) -> tuple[BudgetRow, ...]:
-    """Return every term of the place, what is left out last."""
-    stick = (
-        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
-        "(0 unless stated)"
-    )
-    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
-    return (
-        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
-        *job.blind,
-        BudgetRow(term=OFFSET_TERM, sigma_um=job.offset_um, source="the task's moves"),
-        *(BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out),
-    )
-
-
 def _yield_over(job: Insertion) -> YieldCurve:
-    """Return the chance over the tolerance."""
-    points = []
-    for share in np.linspace(*YIELD_SHARES, YIELD_POINTS):
-        radius = job.fit.hole_um * float(share)
-        miss = replace(job, fit=within(radius)).miss
-        points.append(YieldPoint(value_um=radius, success_probability=1 - miss))
-    return YieldCurve(over="within_um", points=tuple(points))
+    """Return the yield curve over the tolerance."""
+    shares = np.linspace(*YIELD_SHARES, YIELD_POINTS)
+    radii = [job.fit.hole_um * float(share) for share in shares]
+    return yield_curve("within_um", radii, (replace(job, fit=within(r)) for r in radii))
 
 
 def _quantile_um(job: Insertion, share: float) -> float:

@@ -1,17 +1,16 @@
-"""The error budget of one step, with its verdicts on fit, grasp, release."""
+"""Error budget of one step, with its verdicts on fit, grasp, release."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.mating import fit_verdict, mating_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import residual_after, unaligned
-from microplan.planner.budget.allowable_errors import allowable_errors
+from microplan.planner.budget.allowable_errors import with_allowable_errors
 from microplan.planner.budget.budget import (
-    empty_budget,
+    EMPTY_BUDGET,
     grasp_budget,
     release_budget,
     verify_budget,
@@ -27,7 +26,7 @@ from microplan.planner.budget.measurement_history import (
     method_taken,
 )
 from microplan.planner.budget.placing import placing_words
-from microplan.planner.budget.probability.collision_probability import passed
+from microplan.planner.budget.probability.collision_probability import with_collisions
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.mechanics.gripping import grasp_verdict
 from microplan.planner.mechanics.releasing import release_verdict
@@ -43,30 +42,20 @@ from microplan.schemas.plan.verdicts import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MechanicsVerdicts:
-    """What is known of a step's mechanics; None where it has none of the kind."""
-
-    fit: FitVerdict | None = None
-    grasp: GraspVerdict | None = None
-    release: ReleaseVerdict | None = None
-
-
 def verdicts_of(
     task: Task, states: tuple[StepState, ...], here: StepState
-) -> MechanicsVerdicts:
-    """Return the verdicts of a step; only steps that need one have it worked out."""
+) -> tuple[FitVerdict | None, GraspVerdict | None, ReleaseVerdict | None]:
+    """Return the verdicts on the fit, the grasp and the release of a step."""
+    fit = grasp = release = None
     if here.step.verb == "insert":
         mating = mating_of(task, here.step, here.after)
         tilt_rad = task.workcell.stage.axis_tilt_sigma_rad
-        return MechanicsVerdicts(
-            fit=None if mating is None else fit_verdict(mating, tilt_rad)
-        )
+        fit = None if mating is None else fit_verdict(mating, tilt_rad)
     if here.step.verb == "grasp":
-        return MechanicsVerdicts(grasp=grasp_verdict(task, here))
+        grasp = grasp_verdict(task, here)
     if here.step.verb == "release":
-        return MechanicsVerdicts(release=release_verdict(task, states, here))
-    return MechanicsVerdicts()
+        release = release_verdict(task, states, here)
+    return fit, grasp, release
 
 
 def report_handling(
@@ -76,7 +65,7 @@ def report_handling(
     report: Report,
     placing: PlacingVerdict | None = None,
 ) -> None:
-    """Report how a part is held, whether it stays and where, with the numbers."""
+    """Report the verdicts on grasp, release, placement, with their numbers."""
     step = here.step
     if placing is not None:
         report.fact("MP615", step.where, placing_words(step.id, placing))
@@ -105,7 +94,7 @@ def report_handling(
 
 
 def _stands(grasp: GraspVerdict) -> str:
-    """Return how a part stands between the jaws, in words."""
+    """Return the description of a part between the jaws."""
     narrow, wide = grasp.width_range_um
     words = (
         f"{grasp.room_um:.3g} um beside it, {grasp.needed_um:.3g} um needed at 3 sigma;"
@@ -123,81 +112,57 @@ def budget_of(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: MeasurementHistory,
-    effects: CompileContext,
+    history: MeasurementHistory,
+    context: CompileContext,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action and of its moves."""
-    return passed(task, here, _of_action(task, states, here, memory, effects))
-
-
-def _of_action(
-    task: Task,
-    states: tuple[StepState, ...],
-    here: StepState,
-    memory: MeasurementHistory,
-    effects: CompileContext,
-) -> p.Budget:
-    """Return the error budget of the step's mechanical action alone."""
-    step = here.step
+    step, budget = here.step, EMPTY_BUDGET
     if step.verb == "grasp":
-        return grasp_budget(task, here.at_look, step)
+        budget = grasp_budget(task, here.at_look, step)
     if step.verb == "release":
-        return release_budget(task, here.before.tool or "")
+        budget = release_budget(task, here.before.tool or "")
     if step.verb == "verify":
-        seen = [memory.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
-        return verify_budget(task.workcell, step, seen[0], seen[1])
-    if step.verb != "insert":
-        return empty_budget()
-    return _of_insertion(task, states, here, memory, effects)
+        seen = [history.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
+        budget = verify_budget(task.workcell, step, seen[0], seen[1])
+    if step.verb == "insert":
+        budget = _of_insertion(task, states, here, history, context)
+    return with_collisions(task, here, budget)
 
 
 def _of_insertion(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    memory: MeasurementHistory,
-    effects: CompileContext,
+    history: MeasurementHistory,
+    context: CompileContext,
 ) -> p.Budget:
-    """Return the budget of an insertion, with what its looks' settings bear."""
-    left, goal = left_of(task, states, insert, memory), share_of_goal(task)
-    job = insertion_of(task, states, insert, left, memory.seen)
+    """Return the budget of an insertion, with the allowable errors of its looks."""
+    left, goal = left_of(task, states, insert, history), share_of_goal(task)
+    job = insertion_of(task, states, insert, left, history.seen)
     if job is None:
-        return empty_budget()
-    methods = _other_methods(memory)
-    budget = effects.memo.call(insert_budget, job, left, goal=goal, methods=methods)
-    mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
-    looks = [
-        (memory.seen[mate].term, memory.looks[mate])
-        for mate in mates
-        if mate in memory.looks
-    ]
-    borne = allowable_errors(task, job, goal, looks, effects)
-    if budget.analysis is None:
-        raise ValueError("the budget of an insertion has an analysis")
-    return replace(budget, analysis=replace(budget.analysis, allowed=borne))
-
-
-def _other_methods(memory: MeasurementHistory) -> list[tuple[str, float]]:
-    """Return the ways to align that were not taken, with their chances."""
-    if memory.choice is None:
-        return []
-    return [
+        return EMPTY_BUDGET
+    choice = history.choice
+    methods = [
         (option.method, option.success_probability)
-        for option in memory.choice.options
-        if option.method != memory.choice.method
+        for option in (choice.options if choice else ())
+        if choice
+        and option.method != choice.method
         and option.success_probability is not None
     ]
+    budget = context.memo.call(insert_budget, job, left, goal=goal, methods=methods)
+    mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
+    return with_allowable_errors(budget, task, job, goal, history, mates, context)
 
 
 def left_of(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    memory: MeasurementHistory,
+    history: MeasurementHistory,
 ) -> LateralResidual:
-    """Return what the alignment before an insertion leaves.
+    """Return the lateral residual of the alignment before an insertion.
 
-    Without one nothing is cut off: all that is known of both parts' places is left.
+    Without one nothing is cut off: the parts' position errors are left.
     """
     aligns = [s for s in states if s.step.verb == "align"]
     align = next((s for s in aligns if insertion_after(states, s) is insert.step), None)
@@ -205,5 +170,5 @@ def left_of(
         parts = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
         since = "since something last moved sideways"
         return unaligned(insert.before, parts, since)
-    method = method_taken(align, memory)
-    return residual_after(task, align, method, memory.within_um, memory.before)
+    method = method_taken(align, history)
+    return residual_after(task, align, method, history.within_um, history.before)

@@ -104,7 +104,7 @@ def _options(call: argparse.Namespace) -> Options:
         preset=call.preset,
         max_image_error=call.max_image_error,
         jobs=call.jobs,
-        tell=_tell_step,
+        progress=_tell_step,
     )
 
 

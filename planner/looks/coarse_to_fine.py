@@ -1,4 +1,4 @@
-"""A look compiled as one, or as a coarse look and a fine one after it."""
+"""Coarse-to-fine measurement: a look of its own, or a coarse and a fine one."""
 
 from __future__ import annotations
 
@@ -29,42 +29,37 @@ from microplan.schemas.plan.views import TimeRow
 def compile_looks(
     task: Task,
     request: Request,
-    effects: CompileContext,
+    context: CompileContext,
     current: float,
     report: Report,
     *,
     known: Begun | None = None,
 ) -> tuple[CompiledLook, ...]:
-    """Return what a request is looked at by: one look, or a coarse one and a fine one.
+    """Return the looks of a request: one, or a coarse one followed by a fine one.
 
     Empty if there is a reason why it cannot be done, which is reported. `current` is
-    the magnification that the microscope is at, `known` what a contest has shown of a
+    the magnification that the microscope is at, `known` has results of a
     single look already.
     """
     plain = Report()
-    look = compile_look(task, request, effects, current, plain, known=known)
+    look = compile_look(task, request, context, current, plain, known=known)
     if look is None:
         codes = {d.code for d in plain.found if d.severity == "infeasible"}
-        pair = _pair(task, request, effects, plain, report) if _may(codes) else ()
-        if pair:
+        may_help = codes & set(MAY_HELP)  # by a better known position
+        if may_help and (pair := _pair(task, request, context, plain, report)):
             return pair
     report.found += plain.found
     return () if look is None else (look,)
 
 
 def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
-    """Return how long a target takes to centre before its fine look."""
+    """Return the times that a target takes to centre before its fine look."""
     spot = target_pose(task, request, needed_shape(task, request))
     return centre_times(task, spot.carrier, spot.sigma_xy_um)
 
 
-def _may(codes: set[str]) -> bool:
-    """Return whether a better known place may cure what stands in the way."""
-    return bool(codes & set(MAY_HELP))
-
-
 def _pair(
-    task: Task, request: Request, effects: CompileContext, plain: Report, report: Report
+    task: Task, request: Request, context: CompileContext, plain: Report, report: Report
 ) -> tuple[CompiledLook, ...]:
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
@@ -76,14 +71,14 @@ def _pair(
         if tried and not may_gain(task, request, supposed):
             continue
         found = Report()
-        first = compile_look(task, coarse, effects, low, found, once=True)
+        first = compile_look(task, coarse, context, low, found, once=True)
         if first is None:
             continue
         fine = fine_request(task, request, coarse, _seen(first))
         if fine is None:
             continue
         zoom = first.look.view.magnification
-        second = compile_look(task, fine, effects, zoom, found)
+        second = compile_look(task, fine, context, zoom, found)
         if second is None:
             continue
         report.found += found.found
@@ -95,7 +90,7 @@ def _pair(
 
 
 def _seen(look: CompiledLook) -> CoarseLook:
-    """Return what a coarse look tells: at an unknown angle its bias stays."""
+    """Return the accuracy of a coarse look: at an unknown angle its bias stays."""
     bias_um = math.hypot(*look.look.measure.bias_um)
     return CoarseLook(
         sigma_um=math.hypot(

@@ -1,10 +1,10 @@
-"""Evaluations of a look's features, with the arrays they give the plan."""
+"""Evaluations of a look's features, with the prepared arrays of their routines."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.evaluate import RoutineComparison
-from microplan.featuresel.selection.select import Selection
 from microplan.featuresel.sets.criteria import (
     Candidate,
     Criteria,
@@ -23,9 +22,7 @@ from microplan.featuresel.sets.criteria import (
 )
 from microplan.featuresel.sets.feature_set import FeatureSet
 from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
-from microplan.featuresel.trials.outcomes import Outcomes
 from microplan.featuresel.trials.score import ChainScore
-from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
@@ -33,12 +30,11 @@ from microplan.schemas import plan as p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestedFeature:
-    """A feature that was raced; its selection is that of one of several features."""
+    """A feature whose routines were compared as one of several in a set."""
 
     feature: Feature
     shape: TargetShape
     tried: Evaluation
-    visible: float | None  # share of its edges
 
     @property
     def chosen(self) -> ChainScore:
@@ -49,19 +45,19 @@ class TestedFeature:
         ValueError
             If none passed.
         """
-        if self.tried.selection.chosen is None:
+        if self.tried.comparison.selection.chosen is None:
             raise ValueError(f"no chain of {self.shape.name} passed")
-        return self.tried.selection.chosen
+        return self.tried.comparison.selection.chosen
 
     @property
     def passes(self) -> bool:
         """Return whether a chain is good enough for one of several features."""
-        return self.tried.selection.chosen is not None
+        return self.tried.comparison.selection.chosen is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureRanking:
-    """How the features of one look are compared."""
+    """The ranking of the features of one look by Feddema's criteria."""
 
     case: LookCase  # of the look's own target
     radius_um: float  # scales the rotation
@@ -71,43 +67,42 @@ class FeatureRanking:
         return self.case.tolerance_theta_rad is not None
 
     def row(
-        self, raced: TestedFeature, sight: FeatureMeasurement | None, reason: str
+        self, tested: TestedFeature, sight: FeatureMeasurement | None, reason: str
     ) -> p.FeatureRow:
         """Return one feature by Feddema's criteria, as far as it passed."""
+        shape = tested.shape
         if sight is None:
+            visible = tested.tried.comparison.visible
             return p.FeatureRow(
-                name=raced.shape.name,
-                kind=raced.shape.kind,
-                reason=reason,
-                completeness=raced.visible,
+                name=shape.name, kind=shape.kind, reason=reason, completeness=visible
             )
         found = criteria(
-            _candidate(raced, sight),
+            _candidate(tested, sight),
             radius_um=self.radius_um,
             theta_range_rad=self.case.target.theta_range_rad,
             angle=self._angle,
         )
-        return _row(found, raced.shape.name, raced.shape.kind, reason)
+        return _row(found, shape.name, shape.kind, reason)
 
     def set_row(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Sequence[FeatureMeasurement],
         sigma_um: float,
     ) -> p.FeatureRow:
-        """Return a set that is used by Feddema's criteria."""
+        """Return the set that is used by Feddema's criteria."""
         found = set_criteria(
-            [_candidate(r, s) for r, s in zip(raced, sights, strict=True)],
+            [_candidate(r, s) for r, s in zip(tested, sights, strict=True)],
             sigma_um,
             radius_um=self.radius_um,
             theta_range_rad=self.case.target.theta_range_rad,
             angle=self._angle,
         )
-        return _row(found, " + ".join(r.shape.name for r in raced), "set", "used")
+        return _row(found, " + ".join(r.shape.name for r in tested), "set", "used")
 
 
 def unseen(case: LookCase) -> str:
-    """Return why a feature cannot be looked for in the region, "" if it can."""
+    """Return why a feature cannot be searched for in the region, "" if it can."""
     target, window = case.target, case.window
     if not target.contour:
         return "its edges are not drawn"
@@ -119,29 +114,24 @@ def unseen(case: LookCase) -> str:
     return "not tried: it may lie outside the region of the look"
 
 
-def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
-    """Return a raced feature as criteria want it."""
+def _candidate(tested: TestedFeature, sight: FeatureMeasurement) -> Candidate:
+    """Return a tested feature as a candidate of the criteria."""
     return Candidate(
-        feature=raced.feature, score=raced.chosen, measurement=sight, seen=raced.visible
+        feature=tested.feature,
+        score=tested.chosen,
+        measurement=sight,
+        seen=tested.tried.comparison.visible,
     )
 
 
 def _row(found: Criteria, name: str, kind: str, reason: str) -> p.FeatureRow:
     """Return criteria as the plan has them; what is infinite is not known."""
-    return p.FeatureRow(
-        name=name,
-        kind=kind,
-        reason=reason,
-        chain=found.chain,
-        robustness=found.robustness,
-        uniqueness=found.uniqueness,
-        completeness=found.completeness,
-        cost=found.cost,
-        resolution_um=_finite(found.resolution_um),
-        rank=found.rank,
-        controllability=found.controllability,
-        conditioning=_finite(found.conditioning),
-    )
+    values = asdict(found) | {
+        "name": name,
+        "resolution_um": _finite(found.resolution_um),
+        "conditioning": _finite(found.conditioning),
+    }
+    return p.FeatureRow(kind=kind, reason=reason, **values)
 
 
 def _finite(value: float) -> float | None:
@@ -152,16 +142,16 @@ def _finite(value: float) -> float | None:
 class ChosenSet:
     """The features that a look measures, the look's own target first if among them."""
 
-    raced: tuple[TestedFeature, ...]
+    tested: tuple[TestedFeature, ...]
     sights: tuple[FeatureMeasurement, ...]
     score: ChainScore  # of fresh trials of all of them
     found: FeatureSet
     least: int  # that must answer
-    shared_um: float  # one sigma of the target's place on the part, as made
+    shared_um: float  # sigma of the target's position on the part, as fabricated
 
     @property
     def sigma_um(self) -> float:
-        """Return the spread of the target's place; the worse of trials and model."""
+        """Return sigma of the target's position, um; the worse of trials and model."""
         seen = max(self.score.sigma_um or 0.0, self.found.known.sigma_um)
         return math.hypot(seen, self.shared_um)
 
@@ -176,41 +166,23 @@ Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """A case, what was tried on it, and what came of it."""
+    """A look's case, how it is rendered, and its comparison of routines."""
 
     case: LookCase
     fidelity: Fidelity
-    prepared: PreparedRoutines
-    outcomes: Outcomes
-    scores: tuple[ChainScore, ...]
-    selection: Selection
-
-    @classmethod
-    def of(
-        cls, case: LookCase, fidelity: Fidelity, found: RoutineComparison
-    ) -> Evaluation:
-        """Return what a contest over a case showed."""
-        return cls(
-            case=case,
-            fidelity=fidelity,
-            prepared=found.prepared,
-            outcomes=found.outcomes,
-            scores=found.scores,
-            selection=found.selection,
-        )
+    comparison: RoutineComparison
 
 
 def used(tried: Evaluation) -> tuple[str, ...]:
     """Return the routines of chain and fallback, each once."""
-    selection = tried.selection
-    spare = selection.fallback.chain if selection.fallback else ()
-    chosen = selection.chosen.chain if selection.chosen else ()
-    return tuple(dict.fromkeys(chosen + spare))
+    selection = tried.comparison.selection
+    both = (selection.chosen, selection.fallback)
+    return tuple(dict.fromkeys(r for score in both if score for r in score.chain))
 
 
 def _artifact(tried: Evaluation, name: str) -> Artifact:
     """Return what a routine prepared; one that failed to is never selected."""
-    found = tried.prepared.artifacts[name]
+    found = tried.comparison.prepared.artifacts[name]
     if isinstance(found, Failure):
         raise ValueError(f"{name} was selected but not prepared: {found.message}")
     return found
@@ -218,11 +190,8 @@ def _artifact(tried: Evaluation, name: str) -> Artifact:
 
 def arrays_of(look: str, tried: Evaluation) -> Arrays:
     """Return the arrays of the routines used, by their path in the plan folder."""
-    return {
-        _array_path(look, name): _artifact(tried, name).arrays
-        for name in used(tried)
-        if _artifact(tried, name).arrays
-    }
+    made = {name: _artifact(tried, name).arrays for name in used(tried)}
+    return {_array_path(look, name): arrays for name, arrays in made.items() if arrays}
 
 
 def _array_path(look: str, name: str) -> str:

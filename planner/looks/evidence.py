@@ -1,4 +1,4 @@
-"""Evidence of a look for its report: positions, trials, images of trials."""
+"""Evidence of a look for its report: positions, trials, pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from microplan.featuresel.look.design import design, rebuild
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import State, part_pose, robot_pose
@@ -29,7 +28,7 @@ from microplan.schemas.pose import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookFigures:
-    """What reports show of a look, with its pictures by their path in the folder."""
+    """Figures of a look for reports, with its pictures by their path in the folder."""
 
     evidence: LookEvidence
     pictures: Mapping[str, Picture]
@@ -41,7 +40,7 @@ _ENDS = ("focus", "focus", "magnification", "magnification")
 def evidence_of(
     task: Task, request: Request, found: Sequence[MeasuredFeature], memo: Memo
 ) -> LookFigures:
-    """Return what a report shows of a look that measures these features.
+    """Return the figures of a look at these features for its report.
 
     Nothing is rendered but the worst trial, once more: which it is was not known when
     it was made. The images at the ends of the range are those of the search for them.
@@ -86,23 +85,19 @@ def _trials(
     tried: Evaluation, chosen: ChainScore, seed: int
 ) -> tuple[TrialRecord, ...]:
     """Return what the chosen chain said of every trial that it had."""
-    mine = tried.outcomes.by(chosen.chain)
+    mine = tried.comparison.outcomes.by(chosen.chain)
     made = design(tried.case, 1 + max(o.trial for o in mine), seed)
     return tuple(
         TrialRecord(
             trial=trial.index,
             focus_um=trial.dz_um,
             magnification=trial.magnification,
-            error_um=_distance_um(outcome),
+            error_um=None if outcome.world_um is None else outcome.distance_um,
             failure=outcome.failure or "",
             wrong=is_wrong(tried.case, outcome),
         )
         for outcome, trial in ((each, made[each.trial]) for each in mine)
     )
-
-
-def _distance_um(outcome: Outcome) -> float | None:
-    return None if outcome.world_um is None else outcome.distance_um
 
 
 def _pictures(

@@ -1,4 +1,4 @@
-"""Several features of one look: which set of them is used, and why."""
+"""Choice of the set of features that one look measures together."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ from microplan.planner.looks.evaluation import (
     FeatureRanking,
     TestedFeature,
 )
-from microplan.planner.looks.feature_evaluation import Races
-from microplan.planner.looks.look_problem import LookProblem, TargetResult
+from microplan.planner.looks.feature_evaluation import (
+    evaluate_features,
+    target_alone,
+)
+from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.scenario import MOST_TOGETHER
 from microplan.planner.task.presets import Effort
 from microplan.planner.views.features import offset_um
@@ -35,7 +38,7 @@ from microplan.schemas import plan as p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSetResult:
-    """What the search for a set came to."""
+    """Result of the search for a set of features."""
 
     chosen: ChosenSet | None
     rows: tuple[p.FeatureRow, ...]
@@ -44,86 +47,84 @@ class FeatureSetResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSetSearch:
-    """A look whose features are raced where its target alone does not do.
+    """The search for a set of features of one look that are measured together."""
 
-    `alone` is the target's own contest.
-    """
-
-    job: LookProblem
-    alone: TargetResult
+    problem: LookProblem
+    tried: Evaluation  # of the target alone
 
     def run(self) -> FeatureSetResult:
-        """Return the set to use, or why there is none."""
-        raced, skipped = Races(job=self.job, alone=self.alone).run()
-        sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
+        """Return the result of the search: the set to use, or why there is none."""
+        tested, skipped = evaluate_features(self.problem, self.tried)
+        sights = {r.shape.name: self._sight(r) for r in tested if r.passes}
         found = self._found(list(sights.values())) if sights else None
-        chosen, advice = self._settled(raced, sights, found)
-        said = self._reasons(found, chosen, advice)
-        rows = [self._row(r, sights.get(r.shape.name), said, advice) for r in raced]
+        chosen, advice = self._settled(tested, sights, found)
+        reasons = self._reasons(tested, found, chosen, advice)
+        rows = [
+            self._ranking.row(r, sights.get(r.shape.name), reasons[r.shape.name])
+            for r in tested
+        ]
         if chosen is not None:
             sigma_um = chosen.found.known.sigma_um
-            rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
+            rows.append(self._ranking.set_row(chosen.tested, chosen.sights, sigma_um))
         return FeatureSetResult(chosen=chosen, rows=(*rows, *skipped), advice=advice)
 
     def left_out(self) -> tuple[p.FeatureRow, ...]:
         """Return the rows of a look whose target alone does."""
-        target, others = Races(job=self.job, alone=self.alone).unraced()
+        target, others = target_alone(self.problem, self.tried)
         used = "used: it alone does"
-        return (self._judged.row(target, self._sight(target), used), *others)
+        return (self._ranking.row(target, self._sight(target), used), *others)
 
     def _reasons(
-        self, found: FeatureSet | None, chosen: ChosenSet | None, advice: str
-    ) -> Mapping[str, str]:
-        """Return why a feature is used or not, by name, where that is known."""
-        if chosen is None and self._chosen_alone is not None:
-            name = self.job.shape.name
-            return {name: f"used: it alone passes; no set does: {advice}"}
-        return {} if found is None or chosen is None else dict(found.reasons)
-
-    def _row(
         self,
-        raced: TestedFeature,
-        sight: FeatureMeasurement | None,
-        said: Mapping[str, str],
+        tested: Sequence[TestedFeature],
+        found: FeatureSet | None,
+        chosen: ChosenSet | None,
         advice: str,
-    ) -> p.FeatureRow:
-        """Return what the plan says of a feature that was raced."""
-        if sight is None:
-            return self._judged.row(raced, None, _fault(raced))
-        unused = f"passes as one of several; no set is used: {advice}"
-        return self._judged.row(raced, sight, said.get(raced.shape.name, unused))
+    ) -> Mapping[str, str]:
+        """Return why each feature is used or not, by name."""
+        reasons = {
+            each.shape.name: f"passes as one of several; no set is used: {advice}"
+            for each in tested
+        }
+        if chosen is not None and found is not None:
+            reasons |= dict(found.reasons)
+        elif chosen is None and self._chosen_alone is not None:
+            name = self.problem.shape.name
+            reasons[name] = f"used: it alone passes; no set does: {advice}"
+        return reasons | {
+            each.shape.name: f"rejected: {each.tried.comparison.selection.advice}"
+            for each in tested
+            if not each.passes
+        }
 
     def _settled(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Mapping[str, FeatureMeasurement],
         found: FeatureSet | None,
     ) -> tuple[ChosenSet | None, str]:
         """Return the set after its own trials, or what to relax."""
         if found is None:
-            faults = (f"{r.shape.name}: {r.tried.selection.advice}" for r in raced)
+            faults = (
+                f"{r.shape.name}: {r.tried.comparison.selection.advice}" for r in tested
+            )
             return None, "; ".join(faults)
         if not found.qualifies:
             return None, "; ".join(found.relaxations)
-        target = self.job.shape.name
+        target = self.problem.shape.name
         if self._chosen_alone is not None and found.names == (target,):
             return None, f"{target} alone does"
-        members = [r for r in raced if r.shape.name in found.names]
+        members = [r for r in tested if r.shape.name in found.names]
         chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
-        fault = self._fault(chosen)
-        return (None, f"{' + '.join(found.names)}: {fault}") if fault else (chosen, "")
-
-    def _fault(self, chosen: ChosenSet) -> str:
-        """Return what a set misses in its own trials, "" if nothing."""
         fault = self._missed(chosen)
         rival = None if self._effort.thorough else self._chosen_alone
         if not fault and rival is not None and at_most(rival.need_um, chosen.need_um):
-            return f"{self.job.shape.name} alone does better"
-        return fault
+            fault = f"{target} alone does better"
+        return (None, f"{' + '.join(found.names)}: {fault}") if fault else (chosen, "")
 
     def _missed(self, chosen: ChosenSet) -> str:
         """Return which limit a set misses, as the part may be made."""
-        case = self.alone.tried.case
+        case = self.tried.case
         task = Constraints(
             tolerance_um=case.tolerance_um,
             tolerance_theta_rad=case.tolerance_theta_rad,
@@ -138,12 +139,12 @@ class FeatureSetSearch:
 
     @property
     def _effort(self) -> Effort:
-        return self.job.effects.effort
+        return self.problem.context.effort
 
     @property
     def _chosen_alone(self) -> ChainScore | None:
         """Return the chain that the target alone would be measured with."""
-        return self.alone.tried.selection.chosen
+        return self.tried.comparison.selection.chosen
 
     def _found(self, sights: Sequence[FeatureMeasurement]) -> FeatureSet:
         """Return the smallest set that does, with a feature to spare where wanted."""
@@ -156,85 +157,84 @@ class FeatureSetSearch:
 
     @property
     def _need(self) -> PoseRequirement:
-        """Return what a set has to tell: two sigma within each tolerance.
+        """Return the required accuracy of a set: two sigma within each tolerance.
 
-        Where the target alone does, a set has to leave the room that it does not.
+        Where the target alone does, a set has to keep the margin that it does not.
         """
-        case = self.alone.tried.case
-        share = 1.0 if self._chosen_alone is None else Limits().margin_share
-        if self._effort.thorough:
-            share = 1.0
+        case = self.tried.case
+        is_whole = self._effort.thorough or self._chosen_alone is None
+        share = 1.0 if is_whole else Limits().margin_share
         turn = case.tolerance_theta_rad
         return PoseRequirement(
             sigma_um=share * case.tolerance_um / 2,
             sigma_theta_rad=None if turn is None else share * turn / 2,
-            radius_um=self._judged.radius_um,
+            radius_um=self._ranking.radius_um,
             most=MOST_TOGETHER,
             redundant=False,
         )
 
     @property
-    def _judged(self) -> FeatureRanking:
-        """Return how features are compared: a turn counts as its corners' way."""
-        x0, y0, x1, y1 = self.job.shape.box_um
+    def _ranking(self) -> FeatureRanking:
+        """Return the ranking of features: a rotation counts as its corners' path."""
+        x0, y0, x1, y1 = self.problem.shape.box_um
         radius_um = math.hypot(x1 - x0, y1 - y0) / 2
-        return FeatureRanking(case=self.alone.tried.case, radius_um=radius_um)
+        return FeatureRanking(case=self.tried.case, radius_um=radius_um)
 
-    def _sight(self, raced: TestedFeature) -> FeatureMeasurement:
-        """Return a feature as the search for a set has it.
+    def _sight(self, tested: TestedFeature) -> FeatureMeasurement:
+        """Return the measurement of a feature, as the search for a set uses it.
 
-        The target is where the look is to find it; on a part as made its edges and
-        those of others lie off the drawing, each by the profile tolerance.
+        The target is where the look is to find it; on a part as fabricated its edges
+        and those of others lie off the drawing, each by the profile tolerance.
         """
-        shape = self.job.shape
+        shape = self.problem.shape
         return measurement_of(
-            raced.feature,
-            raced.chosen,
+            tested.feature,
+            tested.chosen,
             about_um=shape.center_um,
-            theta_rad=self.alone.tried.case.theta_rad,
-            made_um=0.0 if raced.shape.name == shape.name else self._made_um,
+            theta_rad=self.tried.case.theta_rad,
+            made_um=0.0 if tested.shape.name == shape.name else self._made_um,
         )
 
     @property
     def _made_um(self) -> float:
-        """Return one sigma of where a part as made has an edge, uniform within."""
-        part = self.job.task.parts.get(self.job.shape.owner)
+        """Return sigma of the edges of a fabricated part, um, uniform within."""
+        part = self.problem.task.parts.get(self.problem.shape.owner)
         return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
 
-    def _shared_um(self, raced: Sequence[TestedFeature], found: FeatureSet) -> float:
-        """Return what the target's own making adds to a set: others do not see it.
+    def _shared_um(self, tested: Sequence[TestedFeature], found: FeatureSet) -> float:
+        """Return what the target's fabrication adds to a set, um: others do not see it.
 
         In so far as the target itself is measured its weight takes that off.
         """
         weight = 0.0
-        for each in raced:
-            if each.shape.name == self.job.shape.name:
+        for each in tested:
+            if each.shape.name == self.problem.shape.name:
                 own = self._sight(each).sigma_um
                 weight = min(1.0, (found.known.sigma_um / own) ** 2) if own else 1.0
         return (1 - weight) * self._made_um
 
     def _tested(
         self,
-        raced: Sequence[TestedFeature],
+        tested: Sequence[TestedFeature],
         sights: Sequence[FeatureMeasurement],
         found: FeatureSet,
     ) -> ChosenSet:
         """Return the set with the score of fresh trials."""
-        case, effects = self.alone.tried.case, self.job.effects
-        names = "+".join(r.shape.name for r in raced)
+        case, context = self.tried.case, self.problem.context
+        names = "+".join(r.shape.name for r in tested)
         fresh = replace(case, key=f"{case.key}/{names}")
-        least = len(raced) - 1 if self._has_spare(found) else len(raced)
-        score = effects.memo.call(
+        least = len(tested) - 1 if self._has_spare(found) else len(tested)
+        score = context.memo.call(
             score_set,
             fresh,
-            [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
-            design(fresh, effects.effort.trials, self.job.task.seed),
+            [self._member(r, s) for r, s in zip(tested, sights, strict=True)],
+            design(fresh, context.effort.trials, self.problem.task.seed),
             least=least,
-            map=effects.map,
+            map=context.map,
         )
         return ChosenSet(
-            raced=tuple(raced), sights=tuple(sights), score=score, found=found,
-            least=least, shared_um=self._shared_um(raced, found),
+            tested=tuple(tested), sights=tuple(sights), score=score, found=found,
+            least=least, shared_um=self._shared_um(tested, found),
         )  # fmt: skip
 
     def _has_spare(self, found: FeatureSet) -> bool:
@@ -245,28 +245,23 @@ class FeatureSetSearch:
             or found.dropped_theta_rad <= need.sigma_theta_rad
         )
 
-    def _member(self, raced: TestedFeature, sight: FeatureMeasurement) -> Member:
+    def _member(self, tested: TestedFeature, sight: FeatureMeasurement) -> Member:
         """Return a feature as trials of the set measure it."""
-        chain = raced.chosen.chain
-        artifacts = raced.tried.prepared.artifacts
+        chain = tested.chosen.chain
+        artifacts = tested.tried.comparison.prepared.artifacts
         return Member(
-            case=raced.tried.case,
+            case=tested.tried.case,
             prepared=PreparedRoutines(
                 chains=(chain,), artifacts={name: artifacts[name] for name in chain}
             ),
-            score=raced.chosen,
-            offset_um=offset_um(raced.shape, self.job.shape),
+            score=tested.chosen,
+            offset_um=offset_um(tested.shape, self.problem.shape),
             sigma_um=sight.sigma_um,
         )
 
 
 def wanted(tried: Evaluation, effort: Effort) -> bool:
-    """Return whether more features are raced though the target alone does."""
+    """Return whether more features are evaluated though the target alone does."""
     if effort.thorough:
         return True
-    return effort.limited and not has_margin(tried.case, tried.selection)
-
-
-def _fault(raced: TestedFeature) -> str:
-    """Return why no chain of a feature passes."""
-    return f"rejected: {raced.tried.selection.advice}"
+    return effort.limited and not has_margin(tried.case, tried.comparison.selection)

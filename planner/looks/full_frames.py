@@ -1,4 +1,4 @@
-"""Whole frames of a state, as the camera of the workcell would show them."""
+"""Rendered full camera frames of an assembly state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from microplan.planner.views.scenes import relevant
 def seen_scene(
     cell: Workcell, scene: Scene, scope: Microscope, focus_um: float
 ) -> Scene:
-    """Return what of the world reaches the frame, as the lens shows it."""
+    """Return the scene that reaches the frame, as the lens images it."""
     layers = relevant(scene.layers, scope, focus_um, full(scope))
     return lens_scene(
         replace(scene, layers=layers), scope, known_errors(cell), focus_um

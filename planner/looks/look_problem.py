@@ -1,4 +1,4 @@
-"""The contest over a look's target: what it is held with, and what it showed."""
+"""The measurement problem of one look: its target, its request, its settings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from microplan.planner.views.views import ViewPlan
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompileContext:
-    """What the whole compile shares: how much to spend, what spends it, what keeps."""
+    """Settings that the whole compile shares: effort, processes, cache."""
 
     effort: Effort
     max_image_error: float
@@ -32,12 +32,9 @@ class CompileContext:
 
 @dataclass(frozen=True, slots=True)
 class Begun:
-    """What is known of a look, whatever it has to meet; grows, and changes no result.
+    """Results known of a look at any tolerance; it grows, and changes no result."""
 
-    Demands differ in the place's tolerance and in where that comes from.
-    """
-
-    looks: Looks = field(default_factory=Looks)  # what the last contest showed
+    looks: Looks = field(default_factory=Looks)  # of the last comparison
     others: dict[str, Looks] = field(default_factory=dict)  # by case: other features'
     cases: list[tuple[Request, ViewPlan, LookCase, Fidelity]] = field(
         default_factory=list
@@ -46,7 +43,7 @@ class Begun:
     def case(
         self, task: Task, request: Request, view: ViewPlan, limit: float, memo: Memo
     ) -> tuple[LookCase, Fidelity]:
-        """Return what `microplan.planner.looks.scenario.build_case` does."""
+        """Return the case and its fidelity, as `scenario.build_case` does."""
         bare = replace(
             request,
             tolerance_um=None,
@@ -64,36 +61,18 @@ class Begun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TargetResult:
-    """What the contest over a look's target showed at one magnification."""
-
-    view: ViewPlan
-    tried: Evaluation
-    visible: float | None  # share of the target's edges; None: not known
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class LookProblem:
-    """One look to be compiled, with what is shared and known by then."""
+    """One look to be compiled, with the results known by then."""
 
     task: Task
     request: Request
-    shape: TargetShape  # of the target
-    effects: CompileContext
+    context: CompileContext
     begun: Begun
 
-    @classmethod
-    def of(
-        cls, task: Task, request: Request, effects: CompileContext, begun: Begun
-    ) -> LookProblem:
-        """Return the job of a request."""
-        return cls(
-            task=task,
-            request=request,
-            shape=needed_shape(task, request),
-            effects=effects,
-            begun=begun,
-        )
+    @property
+    def shape(self) -> TargetShape:
+        """Return the shape of the target."""
+        return needed_shape(self.task, self.request)
 
     @property
     def is_round(self) -> bool:
@@ -101,7 +80,7 @@ class LookProblem:
         return self.request.needs_angle_rad is not None and self.shape.symmetry == 0
 
     def asked(self, tolerance_um: float, asked_by: str) -> LookProblem:
-        """Return the same look at another tolerance, as the only one there is."""
+        """Return the same look at another tolerance, as its only limit."""
         request = replace(
             self.request,
             tolerance_um=tolerance_um,
@@ -111,16 +90,16 @@ class LookProblem:
         )
         return replace(self, request=request)
 
-    def contest(self, view: ViewPlan, *, to_the_end: bool = False) -> TargetResult:
-        """Return the choice among all chains for the target, with the trials.
+    def evaluate(self, view: ViewPlan, *, to_the_end: bool = False) -> Evaluation:
+        """Return the comparison of all routines for the target, with the choice.
 
-        `to_the_end` is for who wants more of the chains than which one is chosen.
+        With `to_the_end` every chain that is not eliminated has all its trials.
         """
-        effects, effort = self.effects, self.effects.effort
+        context, effort = self.context, self.context.effort
         case, fidelity = self.begun.case(
-            self.task, self.request, view, effects.max_image_error, effects.memo
+            self.task, self.request, view, context.max_image_error, context.memo
         )
-        found = effects.memo.call(
+        found = context.memo.call(
             compare_routines,
             case,
             root_seed=self.task.seed,
@@ -128,8 +107,7 @@ class LookProblem:
             thorough=effort.thorough,
             to_the_end=to_the_end,
             limited=effort.limited,
-            map=effects.map,
+            map=context.map,
             looks=self.begun.looks,
         )
-        tried = Evaluation.of(case, fidelity, found)
-        return TargetResult(view=view, tried=tried, visible=found.visible)
+        return Evaluation(case=case, fidelity=fidelity, comparison=found)

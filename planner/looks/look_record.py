@@ -1,12 +1,13 @@
-"""The record of a decided look in the plan, with its effects ledger."""
+"""Record of a compiled look in the plan, with its effects ledger."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase, scene
@@ -60,23 +61,23 @@ from microplan.schemas.plan.views import ZoomTried
 # Beyond this the target's frame is not the world's, in which a scale acts.
 SMALL_RAD = 0.2
 NOTHING = 0.1  # of sigma: half a percent of its square
-LEAST = 3  # answers from which a spread is worth having
+LEAST = 3  # answers from which a standard deviation is estimated
 
 
 def sigma_without_scale_um(
     tried: Evaluation, chosen: ChainScore, root_seed: int
 ) -> float:
-    """Return one sigma of a chain's place, the larger axis, less the trials' scale.
+    """Return sigma of a measured position, um, with the magnification error removed.
 
     A trial at the zoom ratio r shows a target at p from the axis at r p. Two looks at
     one zoom share that error, so that a budget of both has it once, by the distance
-    between their places; here it is taken off, trial by trial.
+    between their positions; here it is taken off, trial by trial.
 
     Returns
     -------
     float
         Infinite where it is not known, at any angle or of too few answers, and where
-        the scale makes next to nothing of the place.
+        the scale contributes next to nothing.
     """
     case, place_um = tried.case, np.array([tried.case.x_um, tried.case.y_um])
     scale_um = float(np.hypot(*place_um)) * case.spread.magnification_sigma
@@ -84,7 +85,7 @@ def sigma_without_scale_um(
         return math.inf
     if case.theta_any or case.spread.pose_sigma_theta_rad > SMALL_RAD:
         return math.inf
-    right = tried.outcomes.by(chosen.chain).only(
+    right = tried.comparison.outcomes.by(chosen.chain).only(
         lambda o: o.world_um is not None and not is_wrong(case, o)
     )
     if len(right) < LEAST:
@@ -107,17 +108,7 @@ def effect_rows(
         lens_rows(task, request.state, shape, spot, case.microscope),
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
-    return tuple(
-        p.EffectRow(
-            effect=row.effect,
-            level=row.level,
-            predicted_error=row.predicted_error,
-            limit=row.limit,
-            unit=row.unit,
-            reason=row.reason,
-        )
-        for row in rows
-    )
+    return tuple(p.EffectRow(**asdict(row)) for row in rows)
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
@@ -172,13 +163,13 @@ class CompiledLook:
     coherence_um: float  # how far partly coherent light moves it
     placed: LookScene
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
-    steady_um: float = math.inf  # `Sighted.steady_um`
-    shot: LookFigures | None = None  # what reports show of it
+    sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
+    figures: LookFigures | None = None  # what reports show of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookDecision:
-    """What a look measures, and what was tried before that was settled."""
+    """The features that a look measures, with all that was evaluated before."""
 
     tried: Evaluation  # of its target
     found: tuple[MeasuredFeature, ...]  # the features measured, the target first
@@ -188,71 +179,86 @@ class LookDecision:
 
 
 def measured(
-    job: LookProblem,
+    problem: LookProblem,
     tried: Evaluation,
     shape: TargetShape | None = None,
     sigma_um: float | None = None,
 ) -> MeasuredFeature:
-    """Return a feature with the range and the bias of its chain.
+    """Return a measured feature with the range and the bias of its chain.
 
     Raises
     ------
     ValueError
         If no chain was chosen.
     """
-    case, chosen, effects = tried.case, tried.selection.chosen, job.effects
+    case, chosen, context = (
+        tried.case,
+        tried.comparison.selection.chosen,
+        problem.context,
+    )
     if chosen is None:
         raise ValueError("no chain was chosen")
-    seed = job.task.seed
-    usable = effects.memo.call(
+    seed = problem.task.seed
+    usable = context.memo.call(
         usable_range,
         case,
-        tried.prepared,
+        tried.comparison.prepared,
         chosen.chain,
         root_seed=seed,
-        draws=effects.effort.range_draws,
-        map=effects.map,
+        draws=context.effort.range_draws,
+        map=context.map,
     )
-    only = replace(tried.prepared, chains=(chosen.chain,))
-    curves = effects.memo.call(
-        predict_bias, case, only, root_seed=seed, map=effects.map
+    only = replace(tried.comparison.prepared, chains=(chosen.chain,))
+    curves = context.memo.call(
+        predict_bias, case, only, root_seed=seed, map=context.map
     )
     return MeasuredFeature(
-        shape=shape or job.shape,
+        shape=shape or problem.shape,
         tried=tried,
         chosen=chosen,
         usable=usable,
         curve=curves.get(chosen.chain),
-        depth=effects.memo.call(depth_record, case, usable)
-        if effects.effort.limited
+        depth=context.memo.call(depth_record, case, usable)
+        if context.effort.limited
         else None,
         sigma_um=sigma_um,
     )
 
 
-def compiled(job: LookProblem, decided: LookDecision) -> CompiledLook:
-    """Return what the plan says of a look, with its files."""
-    task, request, shape = job.task, job.request, job.shape
-    case, memo, found = decided.tried.case, job.effects.memo, decided.found
+def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
+    """Return the record of a look in the plan, with its files."""
+    task, request, shape = problem.task, problem.request, problem.shape
+    case, memo, found = decided.tried.case, problem.context.memo, decided.found
     image = reference_image(task, request, case, memo)
-    spot = target_pose(task, request, shape)
+    spot, first = target_pose(task, request, shape), found[0]
+    arrays: dict[str, Mapping[str, npt.NDArray[np.float32]]] = {}
+    for each in found:
+        arrays |= arrays_of(look_key(request, shape, each.shape), each.tried)
+    without_scale_um = math.inf  # it is not known of several features
+    if decided.together is None:
+        without_scale_um = sigma_without_scale_um(first.tried, first.chosen, task.seed)
     return CompiledLook(
-        look=_look(job, decided, image),
+        look=_look(problem, decided, image),
         case=case,
         picture=image,
-        arrays=_arrays(job, found),
+        arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
         coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
         placed=look_scene(task, request.state, request.id, shape, spot),
         found=found,
-        steady_um=_steady_um(job, decided),
-        shot=evidence_of(task, request, found, memo),
+        sigma_without_scale_um=without_scale_um,
+        figures=evidence_of(task, request, found, memo),
     )
 
 
-def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
+def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     """Return the look as `plan.json` has it."""
-    task, request, shape, found = job.task, job.request, job.shape, decided.found
+    task, request, shape, found = (
+        problem.task,
+        problem.request,
+        problem.shape,
+        decided.found,
+    )
     tried, case = decided.tried, decided.tried.case
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}
@@ -263,7 +269,7 @@ def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=effect_rows(task, request, tried, job.effects.memo),
+        effects=effect_rows(task, request, tried, problem.context.memo),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um
@@ -274,29 +280,10 @@ def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     )
 
 
-def _arrays(job: LookProblem, found: Iterable[MeasuredFeature]) -> Arrays:
-    """Return the arrays of all features' routines, by their path."""
-    return {
-        path: arrays
-        for each in found
-        for path, arrays in arrays_of(
-            look_key(job.request, job.shape, each.shape), each.tried
-        ).items()
-    }
-
-
-def _steady_um(job: LookProblem, decided: LookDecision) -> float:
-    """Return `CompiledLook.steady_um`; it is not known of several features."""
-    if decided.together is not None:
-        return math.inf
-    first = decided.found[0]
-    return sigma_without_scale_um(first.tried, first.chosen, job.task.seed)
-
-
 def reference_image(
     task: Task, request: Request, case: LookCase, memo: Memo = EVERY_TIME
 ) -> Picture:
-    """Return the whole frame at the nominal state by the exact law, 8 bit.
+    """Return the whole frame at the nominal state by the exact model, 8 bit.
 
     What the case's fidelity was chosen for is its region.
     """

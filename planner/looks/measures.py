@@ -1,4 +1,4 @@
-"""What the plan says of how a look measures a feature."""
+"""The plan's record of the measurement of one feature."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import choose_gate
+from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.tolerance_search import UsableRange
 from microplan.featuresel.trials.trials import is_wrong
@@ -31,7 +32,7 @@ SPREAD_MARGIN = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredFeature:
-    """A feature that a look measures, and how well."""
+    """A feature that a look measures, with its accuracy and usable range."""
 
     shape: TargetShape
     tried: Evaluation
@@ -39,23 +40,32 @@ class MeasuredFeature:
     usable: UsableRange
     curve: BiasCurve | None  # of the bias through focus
     depth: p.Depth | None
-    sigma_um: float | None  # that its place counts with; None: what trials showed
+    sigma_um: float | None  # that its position counts with; None: that of the trials
 
 
 def measure_record(
     request: Request, target: TargetShape, found: MeasuredFeature
 ) -> p.Measure:
-    """Return how the look measures a feature, with what the trials promise."""
+    """Return the measurement of a feature, with the accuracy found in trials."""
     tried, shape, chosen = found.tried, found.shape, found.chosen
-    case, spare = tried.case, tried.selection.fallback
+    case, spare = tried.case, tried.comparison.selection.fallback
+    spare_chain = () if spare is None else spare.chain
     where = look_key(request, target, shape)
     return p.Measure(
         chain=tuple(use_of(where, tried, name) for name in chosen.chain),
-        fallback=tuple(
-            use_of(where, tried, name) for name in (spare.chain if spare else ())
+        fallback=tuple(use_of(where, tried, name) for name in spare_chain),
+        region=p.Region(
+            row=case.window.row,
+            column=case.window.column,
+            rows=case.window.rows,
+            columns=case.window.columns,
         ),
-        region=_region(case),
-        reference=_reference(case),
+        reference=p.Reference(
+            column=case.target.column,
+            row=case.target.row,
+            pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
+            z_um=case.focus_um,
+        ),
         bias_um=chosen.bias_um or (0.0, 0.0),
         jacobian_px_per_um=_jacobian(case),
         sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
@@ -82,14 +92,14 @@ def measure_record(
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
-    """Return the spread of a fallback, with what the chain's own has beside trials."""
+    """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
-    beside = math.sqrt(max(counts**2 - own**2, 0.0))
-    return math.hypot(spare.sigma_um or 0.0, beside)
+    more = math.sqrt(max(counts**2 - own**2, 0.0))
+    return math.hypot(spare.sigma_um or 0.0, more)
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
-    """Return the spread of the angle; of one of several features, its bias in it."""
+    """Return sigma of the angle; of one of several features, its bias included."""
     sigma = found.chosen.sigma_theta_rad
     if sigma is None or found.sigma_um is None:
         return sigma
@@ -97,7 +107,7 @@ def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
 
 
 def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
-    """Return what the usable focus range of a feature stands beside."""
+    """Return the depths of field to compare a usable focus range with."""
     low, high = (float(v) for v in contrast(case, usable.focus_um))
     turned_um = spurious_um(case)
     return p.Depth(
@@ -108,7 +118,7 @@ def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
 
 
 def look_key(request: Request, target: TargetShape, shape: TargetShape) -> str:
-    """Return what the files of a look's feature are called after."""
+    """Return the name that the files of a look's feature begin with."""
     return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
 
 
@@ -120,32 +130,10 @@ def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
     return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
 
 
-def _region(case: LookCase) -> p.Region:
-    """Return the part of the frame that the routines see."""
-    window = case.window
-    return p.Region(
-        row=window.row, column=window.column, rows=window.rows, columns=window.columns
-    )
-
-
-def _reference(case: LookCase) -> p.Reference:
-    """Return where the target should be."""
-    return p.Reference(
-        column=case.target.column,
-        row=case.target.row,
-        pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
-        z_um=case.focus_um,
-    )
-
-
 def _gates(tried: Evaluation, chosen: ChainScore) -> p.Gates:
-    """Return what a measurement must meet: what every good trial met, and a margin."""
-    mine = tried.outcomes.by(chosen.chain)
-    spreads = [
-        o.spread_um
-        for o in mine
-        if o.spread_um is not None and not is_wrong(tried.case, o)
-    ]
+    """Return the acceptance gates of a measurement: all good trials and a margin."""
+    good = _good(tried, chosen)
+    spreads = [o.spread_um for o in good if o.spread_um is not None]
     widest = SPREAD_MARGIN * max(spreads, default=0.0)
     return p.Gates(
         min_score=_min_score(tried, chosen),
@@ -160,20 +148,24 @@ def _min_score(tried: Evaluation, chain: ChainScore) -> float:
 
     A gate that lets all pass is lowered by a margin below the good trials instead.
     """
-    mine = tried.outcomes.by(chain.chain)
-    scores = [
-        o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
-    ]
+    mine = tried.comparison.outcomes.by(chain.chain)
+    scores = [o.score for o in _good(tried, chain) if o.score is not None]
     usual = SCORE_MARGIN * min(scores, default=0.0)
     gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
     return usual if gate is None or not gate.lost else max(usual, gate.min_score)
 
 
-def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
-    """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
+def _good(tried: Evaluation, chain: ChainScore) -> list[Outcome]:
+    """Return the outcomes of a chain that are not wrong."""
+    mine = tried.comparison.outcomes.by(chain.chain)
+    return [o for o in mine if not is_wrong(tried.case, o)]
 
-    Columns as in `microplan.optics.lens.jacobian.point_jacobian`; the turn is about the
-    target.
+
+def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
+    """Return d(u, v) / d(x, y, theta, zoom) at the nominal position.
+
+    Columns as in `microplan.optics.lens.jacobian.point_jacobian`; the rotation is about
+    the target.
     """
     here_um = (case.x_um, case.y_um)
     point = to_px(np.array([here_um]), case.microscope)

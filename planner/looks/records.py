@@ -1,4 +1,4 @@
-"""Records of a look: view, scene, measurement, evidence, reasons of rejection."""
+"""Records of a look in the plan: view, scene, evidence, reasons of rejection."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def rejections(reasons: Sequence[tuple[Chain, str]]) -> str:
         said = why.removeprefix("rejected: ")
         kinds.setdefault(_kind(said), []).append((chain, said))
     ordered = sorted(kinds.values(), key=lambda alike: -len(alike))  # stable
-    return "; ".join(map(_told, ordered))
+    return "; ".join(map(_described, ordered))
 
 
 def commonest_hint(scores: Sequence[ChainScore], advice: str) -> str:
-    """Return how to mend what most trials of all chains failed by, and `advice`.
+    """Return a hint against the commonest failure of all trials, and `advice`.
 
-    `advice` alone where trials fail by nothing that can be told.
+    `advice` alone where trials fail by nothing that is known.
     """
     codes: Counter[str] = Counter()
     for score in scores:
@@ -83,8 +83,8 @@ def _kind(why: str) -> str:
     return _NUMBER.sub("#", re.sub(r"; worst .*", "", why))
 
 
-def _told(alike: Sequence[tuple[Chain, str]]) -> str:
-    """Return one reason, with the chain it is told of and how many share it."""
+def _described(alike: Sequence[tuple[Chain, str]]) -> str:
+    """Return one reason, with its first chain and how many share it."""
     chain, why = alike[0]
     more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
     return f"{' > '.join(chain)}{more}: {why}"
@@ -96,7 +96,7 @@ def view_record(
     case: LookCase,
     usable_um: Sequence[tuple[float, float]],
 ) -> p.View:
-    """Return how the microscope is set; `usable_um` has each feature's focus errors."""
+    """Return the microscope's setting; `usable_um` has each feature's focus range."""
     focus = task.workcell.optics.focus
     return p.View(
         magnification=case.microscope.magnification,
@@ -124,13 +124,13 @@ def evidence(
 
     `tolerance_um` is the look's own; one of several features may have a wider one.
     """
-    reasons = dict(tried.selection.reasons)
+    reasons = dict(tried.comparison.selection.reasons)
     return p.Evidence(
         tolerance_um=tolerance_um,
         chosen=_score(chosen, reasons[chosen.chain]),
         others=tuple(
             _score(other, reasons[other.chain])
-            for other in tried.scores
+            for other in tried.comparison.scores
             if other.chain != chosen.chain
         ),
         features=tuple(features),
@@ -145,7 +145,7 @@ def scene_record(
     name: str,
     image: Picture,
 ) -> p.SceneRecord:
-    """Return what is in view, and what is hidden or shaded."""
+    """Return the scene's layers, and the edges that are hidden or shaded."""
     spot = target_pose(task, request, shape)
     scope = case.microscope
     layers = sorted(case.static + case.moving, key=lambda la: (la.z_um, la.name))
@@ -163,9 +163,9 @@ def scene_record(
 
 
 def together_record(found: ChosenSet) -> p.Together:
-    """Return what the features of a look tell together.
+    """Return the pose accuracy of all features of a look together.
 
-    Parts as made and biases may make a spread larger than the set's trials showed it:
+    Fabrication tolerances and biases may make sigma larger than in the set's trials:
     the larger counts.
     """
     known = found.found.known

@@ -1,4 +1,4 @@
-"""A look as a case for the benchmark: scene, target, spreads and defocus law."""
+"""A measurement look as a case for trials: scene, target, uncertainties, optics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.outline.tolerant_order import above
 from microplan.optics.render.fidelity import Fidelity, choose
-from microplan.optics.render.scene import Illumination, Layer, Scene
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
@@ -32,7 +33,7 @@ from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 MOST_TOGETHER = 4  # features that one look measures
 # of the look's tolerances that each of them has: their mean is as much better
 SHARE_TOGETHER = math.sqrt(MOST_TOGETHER)
-_FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
+_FOCUS_SIGMAS = 2.0  # a model must hold so far from the nominal focus
 
 
 def build_case(
@@ -42,7 +43,7 @@ def build_case(
     max_image_error: float,
     memo: Memo = EVERY_TIME,
 ) -> tuple[LookCase, Fidelity]:
-    """Return the case that routines are tried on, and why it is rendered as it is."""
+    """Return the case of a look for trials, with the fidelity of its rendering."""
     shape = needed_shape(task, request)
     spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
@@ -82,9 +83,7 @@ def build_case(
             read_noise_e=camera.read_noise_e,
             bits=camera.bits,
         ),
-        target=with_contour(
-            _target(task, shape, spot, view), _carrying(task, request, shape)
-        ),
+        target=_target(task, request, shape, spot, scope, view.region),
         model=fidelity.model,
         sampling=fidelity.sampling,
         lens=lens,
@@ -101,7 +100,7 @@ def build_case(
 
 
 def feature_case(
-    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: TargetShape
+    task: Task, request: Request, case: LookCase, shape: TargetShape
 ) -> LookCase:
     """Return a look at another feature of the target's body, through the same region.
 
@@ -115,7 +114,7 @@ def feature_case(
     # the sum, not the root of squares: extreme trials have both at once
     sigma_um = target_pose(task, request, target).sigma_xy_um + swing_um
     spot = replace(target_pose(task, request, shape), sigma_xy_um=sigma_um)
-    # a round one tells no angle: others do
+    # a round one has no angle: others do
     angle = None if shape.symmetry == 0 else _angle_tolerance(request, shape)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
@@ -128,9 +127,7 @@ def feature_case(
         ),
         x_um=spot.pose.x_um,
         y_um=spot.pose.y_um,
-        target=with_contour(
-            _target(task, shape, spot, view), _carrying(task, request, shape)
-        ),
+        target=_target(task, request, shape, spot, case.microscope, case.window),
         tolerance_um=case.tolerance_um * SHARE_TOGETHER,
         tolerance_theta_rad=None
         if case.tolerance_theta_rad is None or angle is None
@@ -166,7 +163,7 @@ def _lamp(
 def _treatment(
     imaged: Scene, view: ViewPlan, spread: TrialSpread, max_image_error: float
 ) -> str:
-    """Return how layers are laid over each other; the dearer way must keep the limit.
+    """Return the treatment of layers; the more expensive one must keep the limit.
 
     In coaxial light nothing is traced: that takes seconds an image.
     """
@@ -190,30 +187,20 @@ def _focus_range(view: ViewPlan, spread: TrialSpread) -> tuple[float, ...]:
 def _placed(layer: Layer, spot: Place) -> Layer:
     """Return a layer of the target's frame in the world."""
     outline = place(layer.outline, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
-    return Layer(
-        name=layer.name,
-        outline=outline,
-        z_um=layer.z_um,
-        reflectance=layer.reflectance,
-    )
+    return replace(layer, outline=outline)
 
 
 def _layers(
     task: Task, request: Request, shape: TargetShape, view: ViewPlan
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
-    """Return what stands still in the trials, and what moves with the target."""
+    """Return the layers that are fixed in trials, and those that move."""
     scene = world_scene(task, request.state)
     seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
     own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
     static = tuple(layer for layer in seen if layer.name not in own)
     heights = {layer.name: layer.z_um for layer in seen}
     moving = tuple(
-        Layer(
-            name=layer.name,
-            outline=layer.outline,
-            z_um=heights[layer.name],
-            reflectance=layer.reflectance,
-        )
+        replace(layer, z_um=heights[layer.name])
         for layer in target_layers(task, request.state, shape)
         if layer.name in own
     )
@@ -227,11 +214,17 @@ def _carrying(task: Task, request: Request, shape: TargetShape) -> list[Outline]
     return [outline_of(task, shape)]
 
 
-def _target(task: Task, shape: TargetShape, spot: Place, view: ViewPlan) -> Target:
-    """Return the target in pixels of the region."""
-    scope, region = view.microscope, view.region
+def _target(
+    task: Task,
+    request: Request,
+    shape: TargetShape,
+    spot: Place,
+    scope: Microscope,
+    region: Window,
+) -> Target:
+    """Return the target in pixels of the region, with its contour."""
     k = scope.px_per_um
-    return Target(
+    target = Target(
         name=shape.name,
         kind=shape.kind,
         column=(scope.width_px - 1) / 2 + k * spot.pose.x_um - region.column,
@@ -244,22 +237,35 @@ def _target(task: Task, shape: TargetShape, spot: Place, view: ViewPlan) -> Targ
         bright=shape.bright,
         parameters=shape.parameters,
     )
+    return with_contour(target, _carrying(task, request, shape))
 
 
 def _sigma_theta(task: Task, spot: Place) -> float:
-    """Return the spread of the target's angle in the trials."""
+    """Return sigma of the target's angle in the trials, rad."""
     return math.hypot(spot.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
 
 
 def _spread(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> TrialSpread:
-    """Return what the trials perturb: the task's benchmark and the spreads of places.
+    """Return the perturbations of trials: the task's benchmark and the poses' sigmas.
 
     Of the lens only what changes how the target looks: what moves the whole image is a
     term of the error budget.
     """
     b, lens = task.benchmark, task.workcell.optics.lens
+    higher = _higher(task, request, spot, static)
+    rotations = tuple(
+        UnknownRotation(
+            owner=part.owner,
+            x_um=part.pose.x_um,
+            y_um=part.pose.y_um,
+            sigma_theta_rad=min(part.sigma_theta_rad, math.pi),
+        )
+        for part in higher
+        # a tool's angle is in the uncertainty of its tips
+        if part.owner in task.parts and part.sigma_theta_rad > 0
+    )
     return TrialSpread(
         focus_sigma_um=b.focus_sigma_um,
         magnification_sigma=b.magnification_sigma,
@@ -268,61 +274,27 @@ def _spread(
         pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
-        occluder_sigma_um=_occluder_sigma_um(task, request, spot, static),
-        turning=_turning(task, request, spot, static),
+        occluder_sigma_um=max((place.sigma_xy_um for place in higher), default=0.0),
+        turning=rotations,
         lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
     )
 
 
-def _occluder_sigma_um(
+def _higher(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> float:
-    """Return the spread of what stands higher than the target, the least known of it.
+) -> list[Place]:
+    """Return the poses of all that has layers higher than the target, by name.
 
-    What lies lower hides nothing.
+    A lower body hides nothing.
     """
-    return max(
-        (
-            locate_place(task, request.state, name).sigma_xy_um
-            for name in _higher(spot, static)
-        ),
-        default=0.0,
-    )
-
-
-def _turning(
-    task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> tuple[UnknownRotation, ...]:
-    """Return the parts that stand higher than the target at an angle nobody knows.
-
-    A tool's angle is in the spread of its tips.
-    """
-    places = [
-        locate_place(task, request.state, name)
-        for name in _higher(spot, static)
-        if name in task.parts
-    ]
-    return tuple(
-        UnknownRotation(
-            owner=place.owner,
-            x_um=place.pose.x_um,
-            y_um=place.pose.y_um,
-            sigma_theta_rad=min(place.sigma_theta_rad, math.pi),
-        )
-        for place in places
-        if place.sigma_theta_rad > 0
-    )
-
-
-def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
-    """Return whose layers stand higher than the target, by name."""
-    return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
+    names = sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
+    return [locate_place(task, request.state, name) for name in names]
 
 
 def _angle_tolerance(request: Request, shape: TargetShape) -> float | None:
-    """Return how well the angle must be known, None if it need not be."""
+    """Return the tolerance of the angle, rad, None if it need not be known."""
     if request.needs_angle_rad is not None:
-        return request.needs_angle_rad  # of a round target by features beside it
+        return request.needs_angle_rad  # of a round target by other features
     if shape.symmetry == 0:
         return None  # it has none
     if not request.wants_angle or shape.kind == "jaws":

@@ -1,4 +1,4 @@
-"""What a step does, as the plan has it: its action, with moves, looks and sweeps."""
+"""Action of a step in the plan, with its moves, looks, sweeps."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from microplan.planner.assembly.assembly import locate_place, owner_of
+from microplan.planner.assembly.assembly import (
+    Axis4,
+    Carrier,
+    locate_place,
+    owner_of,
+)
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.task.task import Move, Task, TaskStep
+from microplan.planner.task.task import Reading, Task, TaskStep
 from microplan.schemas import plan as p
 
 # A height sweep reaches this many limits to either side of the expected height.
@@ -23,7 +28,7 @@ LEAST_STOPS = 9
 
 
 def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
-    """Return what the step does."""
+    """Return the action of a step."""
     step, target = here.step, here.step.target or ""
     tool = step.tool or here.before.tool or ""
     if step.verb == "locate":
@@ -41,13 +46,10 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
         opening = step.opening_um or 0.0
         held = here.after.parts[owner_of(target)].pose
         return p.GraspAction(
-            target=owner_of(target),
-            tool=tool,
-            opening_um=opening,
-            across_um=held.x_um,
+            target=owner_of(target), tool=tool, opening_um=opening, across_um=held.x_um
         )
     if step.verb == "insert":
-        moves = tuple(axis_move(m, step.speed_um_per_s) for m in step.move)
+        moves = tuple(axis_move(m.axes, m.to, step.speed_um_per_s) for m in step.move)
         return p.InsertAction(target=target, onto=step.onto or "", moves=moves)
     if step.verb == "release":
         opening = step.opening_um or here.before.opening_um
@@ -107,13 +109,15 @@ def _height_search(
     )
 
 
-def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
-    """Return a task's move as the plan has it."""
+def axis_move(
+    axes: Carrier, to: Axis4 | Reading, speed_um_per_s: float | None = None
+) -> p.AxisMove:
+    """Return the move of one group of axes to a reading, as the plan has it."""
     return p.AxisMove(
-        axes=move.axes,
-        x_um=move.to.x_um,
-        y_um=move.to.y_um,
-        z_um=move.to.z_um,
-        theta_rad=move.to.theta_rad,
+        axes=axes,
+        x_um=to.x_um,
+        y_um=to.y_um,
+        z_um=to.z_um,
+        theta_rad=to.theta_rad,
         speed_um_per_s=speed_um_per_s,
     )

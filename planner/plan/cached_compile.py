@@ -1,4 +1,4 @@
-"""From a task file to a plan folder, by what is kept where nothing has changed."""
+"""Compilation of a task file by the cache where nothing has changed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def compile_file(
     store : Store or None
         Where results are kept; None: everything is computed.
     ready : callable
-        Told the task's name before the work begins; it may raise.
+        Gets the task's name before the work begins; it may raise.
     """
     started = time.perf_counter()
     asked = (options.preset, options.max_image_error)

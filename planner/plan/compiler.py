@@ -1,9 +1,10 @@
-"""The compiler: a straight line from a task to a plan folder's content."""
+"""The compiler: a pipeline from a task to the content of a plan folder."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ from microplan.planner.assembly.world import build_world, finger_solids, part_so
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.plan.actions import axis_move
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
@@ -53,13 +55,13 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
     with workers(options.jobs) as pool:
-        effects = CompileContext(
+        context = CompileContext(
             effort=options.effort or PRESETS[preset],
             max_image_error=limit,
             map=map,
             memo=options.memo,
         )
-        steps, timings = _steps(task, states, effects, report, options.tell, pool)
+        steps, timings = _steps(task, states, context, report, options.progress, pool)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -67,7 +69,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
         images={look.look.scene.image: look.picture for look in looks},
-        shots=tuple(look.shot for look in looks if look.shot is not None),
+        figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
         inputs=_inputs(report),
@@ -86,11 +88,9 @@ def build_plan(
     """Return the plan of the steps that could be compiled."""
     start = initial(task)
     compiled = tuple(step.step for step in steps)
-    chance = 1.0
-    for step in compiled:
-        chance *= step.budget.success_probability
+    success = math.prod((s.budget.success_probability for s in compiled), start=1.0)
     complete = len(compiled) == len(states)
-    _report_goal(task, compiled, chance if complete else None, report)
+    _report_goal(task, compiled, success if complete else None, report)
     reasons = _reasons(task, report)
     return p.Plan(
         format_version=p.FORMAT_VERSION,
@@ -101,16 +101,10 @@ def build_plan(
         requirements=requirements(task, states, compiled),
         beliefs=_beliefs(task, start),
         features=feature_places(task),
-        stage_start=p.AxisMove(
-            axes="stage",
-            x_um=start.stage.x_um,
-            y_um=start.stage.y_um,
-            z_um=start.stage.z_um,
-            theta_rad=start.stage.theta_rad,
-        ),
-        robot_start=_robot_start(start),
+        stage_start=axis_move("stage", start.stage),
+        robot_start=axis_move("robot", start.robot) if start.tool else None,
         opening_start_um=start.opening_um if start.tool else None,
-        success_probability=chance if complete else 0.0,
+        success_probability=success if complete else 0.0,
         success_goal=task.success_goal,
         steps=compiled,
         parts=part_solids(task),
@@ -122,7 +116,7 @@ def build_plan(
 def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
     """Yield a pool of `jobs` processes, None for a single one.
 
-    What is still under way at the end is not wanted any more.
+    What still runs at the end is cancelled.
     """
     if jobs <= 1:
         yield None
@@ -139,41 +133,41 @@ def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
 def _steps(
     task: Task,
     states: tuple[StepState, ...],
-    effects: CompileContext,
+    context: CompileContext,
     report: Report,
-    tell: Callable[[int, int, str], None],
+    progress: Callable[[int, int, str], None],
     pool: ProcessPoolExecutor | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `tell` is told how many steps are done, of how many, and which one comes next. Looks
+    `progress` is called with the steps done, their number and the next step's id. Looks
     are compiled in the processes of a `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
     ahead = Ahead()
     if pool is not None:
-        ahead = begin(pool, task, states, effects, low)
-        effects = replace(effects, map=pool.map)
-    memory = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
+        ahead = begin(pool, task, states, context, low)
+        context = replace(context, map=pool.map)
+    history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started, before_s = time.perf_counter(), ahead.elsewhere_s
-        tell(index, len(states), here.step.id)
-        step = compile_step(task, states, index, memory, effects, report, ahead)
+        progress(index, len(states), here.step.id)
+        step = compile_step(task, states, index, history, context, report, ahead)
         took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:
             break
         found.append(step)
-        memory = step.memory
+        history = step.history
     return found, timings
 
 
 def _report_goal(
     task: Task, steps: Sequence[p.Step], chance: float | None, report: Report
 ) -> None:
-    """Report a plan whose chance of success is below the goal."""
+    """Report a plan whose success probability is below the goal."""
     goal = task.success_goal
     if goal is None or chance is None or chance >= goal:
         return
@@ -198,7 +192,7 @@ def _reasons(task: Task, report: Report) -> tuple[p.Reason, ...]:
     What cannot be done at all comes before what is only too unlikely.
     """
     found = [d for d in report.in_order if d.severity == "infeasible"]
-    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by place in the file
+    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by position in the file
     return tuple(
         p.Reason(code=d.code, step=_step_at(task, d.where), message=d.message)
         for d in found
@@ -215,7 +209,7 @@ def _step_at(task: Task, where: Span) -> str:
 
 
 def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:
-    """Return what the plan was made from."""
+    """Return the provenance of the plan: versions, digests, seed."""
     return p.Provenance(
         microplan=version("microplan"),
         task_sha256=_digest(task.normalised),
@@ -245,7 +239,7 @@ def _digest(data: object) -> str:
 
 
 def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
-    """Return where everything is thought to be before step 1."""
+    """Return the initial pose of every part and the tool, with its uncertainty."""
     found = [
         p.Belief(
             name=name,
@@ -271,7 +265,7 @@ def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
 
 
 def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
-    """Return where named features sit in their owners."""
+    """Return the positions of named features in their owners' frames, um."""
     centers = {
         f"{part.name}.{name}": (part.name, center)
         for part in task.parts.values()
@@ -292,21 +286,8 @@ def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
     )
 
 
-def _robot_start(start: State) -> p.AxisMove | None:
-    """Return the robot's readings before step 1, None without a tool."""
-    if start.tool is None:
-        return None
-    return p.AxisMove(
-        axes="robot",
-        x_um=start.robot.x_um,
-        y_um=start.robot.y_um,
-        z_um=start.robot.z_um,
-        theta_rad=start.robot.theta_rad,
-    )
-
-
 def _inputs(report: Report) -> dict[str, object]:
-    """Return what was read, and versions of what made the plan; never compared."""
+    """Return the input files and the versions of libraries; never compared."""
     names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
     return {
         "files": dict(sorted(report.files.items())),

@@ -1,4 +1,4 @@
-"""What a compile makes, and the plan folder it becomes."""
+"""Serialisation of a compile to the bytes of a plan folder."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PlanFiles:
     arrays: Mapping[str, Mapping[str, npt.NDArray[np.float32]]]  # npz path -> arrays
     timings: Mapping[str, float]  # stage -> seconds; never compared
     inputs: Mapping[str, object]  # raw-file hashes and versions; never compared
-    shots: tuple[LookFigures, ...] = ()  # what reports show of each look
+    figures: tuple[LookFigures, ...] = ()  # what reports show of each look
 
 
 def plan_bytes(made: PlanFiles) -> PlanBytes:
@@ -53,10 +53,10 @@ def plan_bytes(made: PlanFiles) -> PlanBytes:
         "inputs.json": json_bytes(dict(made.inputs)),
     }
     files.update(_pictures(made.images))
-    for shot in made.shots:
-        path = f"{shown.FOLDER}/{shot.evidence.look}.json"
-        files[path] = json_bytes(to_data(shot.evidence))
-        files.update(_pictures(shot.pictures))
+    for figures in made.figures:
+        path = f"{shown.FOLDER}/{figures.evidence.look}.json"
+        files[path] = json_bytes(to_data(figures.evidence))
+        files.update(_pictures(figures.pictures))
     files.update({name: _arrays(held) for name, held in made.arrays.items()})
     return PlanBytes(
         name=made.plan.name,

@@ -1,4 +1,4 @@
-"""Options of the command line: of a compile, of the axes that a tradeoff varies."""
+"""Options of a compile, with the axes that a tradeoff varies."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from microplan.planner.task.presets import Effort, Preset
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What the command line may override; None leaves it to the task."""
+    """Options that override the task's own; None leaves it to the task."""
 
     preset: Preset | None = None
     effort: Effort | None = None  # None: the preset's
     max_image_error: float | None = None
     jobs: int = 1
-    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    progress: Callable[[int, int, str], None] = lambda _done, _all, _step: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
 
 

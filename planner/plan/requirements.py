@@ -1,4 +1,4 @@
-"""Requirements on the station, conditions of each step, what to do where they fail."""
+"""Requirements on the station, conditions of each step, reactions to failure."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.task.task import Task
 from microplan.schemas import plan as p
 
+AXES = ("x_um", "y_um", "z_um", "theta_rad")
+CARRIERS: tuple[Carrier, ...] = ("robot", "stage")
 # What a look may be tried again for, and how often: noise is new every time.
 RETRIES = (
     p.OnFailure(code="MP820", do="retry", times=2),
@@ -20,7 +22,7 @@ RETRIES = (
 
 
 def conditions_of(here: StepState) -> p.Conditions:
-    """Return what must hold before and after, and the way back."""
+    """Return the conditions before and after a step, with the retreat."""
     before, after = _facts(here)
     retreat = _retreat(here) if here.step.verb == "insert" else ()
     return p.Conditions(before=before, after=after, retreat=retreat, on_failure=RETRIES)
@@ -34,7 +36,7 @@ def _retreat(insert: StepState) -> tuple[p.AxisMove, ...]:
         start = at[move.axes]
         held = {
             name: getattr(start, name)
-            for name in ("x_um", "y_um", "z_um", "theta_rad")
+            for name in AXES
             if getattr(move.to, name) is not None
         }
         back.append(p.AxisMove(axes=move.axes, **held))
@@ -43,7 +45,7 @@ def _retreat(insert: StepState) -> tuple[p.AxisMove, ...]:
 
 
 def _facts(here: StepState) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what is true before and after the step, as far as sensors can tell."""
+    """Return the facts before and after the step that sensors can check."""
     step = here.step
 
     def held(name: str | None) -> str:
@@ -57,10 +59,6 @@ def _facts(here: StepState) -> tuple[tuple[str, ...], tuple[str, ...]]:
         before.append(f"{step.target} and {step.to} are measured")
         after.append(f"{step.target} is at {step.to}")
     return tuple(before), tuple(after)
-
-
-AXES = ("x_um", "y_um", "z_um", "theta_rad")
-CARRIERS: tuple[Carrier, ...] = ("robot", "stage")
 
 
 def requirements(
@@ -105,21 +103,14 @@ def _focus_stops(steps: Sequence[p.Step]) -> list[float]:
 def _travel(states: Sequence[StepState]) -> dict[str, tuple[float, float]]:
     """Return the least and most reading of every axis."""
     found: dict[str, tuple[float, float]] = {}
-    for axes in ("robot", "stage"):
+    moments = [m for s in states for m in (s.before, s.at_look, s.after)]
+    for axes in CARRIERS:
         if axes == "robot" and not any(state.before.tool for state in states):
             continue
-        readings = list(_readings(states, axes))
         for name in AXES:
-            values = [getattr(reading, name) for reading in readings]
+            values = [getattr(getattr(moment, axes), name) for moment in moments]
             found[f"{axes}.{name}"] = _range(values or [0.0])
     return found
-
-
-def _readings(states: Sequence[StepState], axes: str) -> Iterable[Axis4]:
-    """Yield the readings of one axis group in every state."""
-    for state in states:
-        for moment in (state.before, state.at_look, state.after):
-            yield moment.stage if axes == "stage" else moment.robot
 
 
 def _range(values: Iterable[float]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Looks compiled in other processes before their steps' turn comes."""
+"""Speculative compilation of later looks in other processes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ B = TypeVar("B")
 
 
 class StoppedError(Exception):
-    """Nobody wants the result any more."""
+    """The result is not wanted any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,23 +66,23 @@ class Ahead:
         self,
         task: Task,
         request: Request,
-        effects: CompileContext,
+        context: CompileContext,
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
-        """Return what `microplan.planner.looks.coarse_to_fine.compile_looks` does."""
+        """Return the looks of a request, as `coarse_to_fine.compile_looks` does."""
         asked, future = self.under_way.pop(request.id, (None, None))
         if asked is None or future is None:
-            return compile_looks(task, request, effects, current, report)
+            return compile_looks(task, request, context, current, report)
         if not _serves(asked, task, request, current):
             future.cancel()
-            return compile_looks(task, request, effects, current, report)
+            return compile_looks(task, request, context, current, report)
         started = time.perf_counter()
         made = future.result()
         self.elsewhere_s += made.took_s - (time.perf_counter() - started)
         if asked.begun:
             return compile_looks(
-                task, request, effects, current, report, known=made.known
+                task, request, context, current, report, known=made.known
             )
         report.found += made.findings
         return made.looks
@@ -92,13 +92,13 @@ def begin(
     pool: Executor,
     task: Task,
     states: tuple[StepState, ...],
-    effects: CompileContext,
+    context: CompileContext,
     current: float,
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
 
-    A look whose demands depend on the looks before it is begun: its first contest is
-    held, and the races of the part's other features if that wants them.
+    A look whose tolerance depends on the looks before it is only begun: evaluated once,
+    and the part's other features if that result wants them.
     """
     found = [
         asked
@@ -106,7 +106,7 @@ def begin(
         for asked in _probable(task, states, index, current)
     ]
     found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
-    alone = replace(effects, map=until_told)
+    alone = replace(context, map=until_told)
     return Ahead(
         under_way={
             asked.request.id: (asked, pool.submit(_make, task, asked, alone))
@@ -124,7 +124,7 @@ def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]
 
 
 def listen(unwanted: Event) -> None:
-    """Let this process know by what event it will be told to stop."""
+    """Set the event that stops this process."""
     global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
     _unwanted = unwanted
 
@@ -167,14 +167,14 @@ def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -
     return asked.request == bare and asked.settings == tuple(settings)
 
 
-def _make(task: Task, asked: _LookRequest, effects: CompileContext) -> _Made:
+def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
     """Compile a look, or begin to."""
     started, report, known = time.perf_counter(), Report(), Begun()
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
-        look_at_first(task, asked.request, effects, asked.settings[0], known)
+        look_at_first(task, asked.request, context, asked.settings[0], known)
     else:
-        looks = compile_looks(task, asked.request, effects, asked.current, report)
+        looks = compile_looks(task, asked.request, context, asked.current, report)
     return _Made(
         looks=looks,
         known=known,

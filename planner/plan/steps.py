@@ -1,4 +1,4 @@
-"""One step compiled: its looks, action, control, conditions and budget."""
+"""Compilation of one step: looks, action, control, conditions, budget."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.allowable_errors import bearable
-from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.allowable_errors import admissible_errors
+from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.measurement_history import MeasurementHistory, remember
+from microplan.planner.budget.methods import method_of
 from microplan.planner.budget.placement_budget import place_budget
 from microplan.planner.budget.step_budget import budget_of, report_handling, verdicts_of
 from microplan.planner.looks.coarse_to_fine import waits_between
@@ -41,19 +42,19 @@ PHYSICAL = (*IRREVERSIBLE, "move", "align")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompiledStep:
-    """A step as the plan has it, its looks with their files, and what it leaves."""
+    """A step of the plan, its looks with their files, the history after it."""
 
     step: p.Step
     looks: tuple[CompiledLook, ...]
-    memory: MeasurementHistory
+    history: MeasurementHistory
 
 
 def compile_step(
     task: Task,
     states: tuple[StepState, ...],
     index: int,
-    memory: MeasurementHistory,
-    effects: CompileContext,
+    history: MeasurementHistory,
+    context: CompileContext,
     report: Report,
     ahead: Ahead | None = None,
 ) -> CompiledStep | None:
@@ -63,42 +64,37 @@ def compile_step(
     """
     ahead = ahead or Ahead()
     here = states[index]
-    goal = memory.seen.get(owner_of(here.step.to or ""))
+    goal = history.seen.get(owner_of(here.step.to or ""))
     within: float | None = None
     if here.step.verb == "align":
         within = tolerance_um(task, states, here, goal, report)
     looks: list[CompiledLook] = []
-    before = memory.seen.get(owner_of(here.step.target or ""))
+    before = history.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)
     if within is not None:
-        bears = bearable(task, states, here, within, memory.seen, effects.memo)
-        asked = tuple(
-            replace(
-                request,
-                admissible_um=bears.admissible_um,
-                break_even_um=bears.break_even_um,
-            )
-            for request in asked
+        allowed = admissible_errors(
+            task, states, here, within, history.seen, context.memo
         )
+        asked = tuple(replace(request, **asdict(allowed)) for request in asked)
     for request in asked:
-        found = ahead.looks(task, request, effects, memory.magnification, report)
+        found = ahead.looks(task, request, context, history.magnification, report)
         if not found:
             return None
         for look in found:
             waits = _waits(task, here, request, look, first=not looks)
-            looks.append(_timed(task, look, memory, waits))
-            memory = remember(
-                memory, here.step.id, looks[-1], _moved_um(task, here, look)
+            looks.append(_timed(task, look, history, waits))
+            history = remember(
+                history, here.step.id, looks[-1], _moved_um(task, here, look)
             )
     if within is not None:
-        choice = method_of(task, states, here, within, memory.seen, report, before)
-        memory = replace(memory, within_um=within, choice=choice, before=before)
-    step = _step(task, states, here, tuple(looks), memory, effects)
-    memory = _after_sweep(memory, step)
+        choice = method_of(task, states, here, within, history.seen, report, before)
+        history = replace(history, within_um=within, choice=choice, before=before)
+    step = _step(task, states, here, tuple(looks), history, context)
+    history = _after_sweep(history, step)
     report_handling(here, step.grasp, step.release, report, step.placing)
-    step = replace(step, key=journal_key(step, memory.key))
+    step = replace(step, key=journal_key(step, history.key))
     return CompiledStep(
-        step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
+        step=step, looks=tuple(looks), history=replace(history, key=step.key)
     )
 
 
@@ -112,34 +108,37 @@ def _waits(
 
 
 def _timed(
-    task: Task, look: CompiledLook, memory: MeasurementHistory, waits: Sequence[TimeRow]
+    task: Task,
+    look: CompiledLook,
+    history: MeasurementHistory,
+    waits: Sequence[TimeRow],
 ) -> CompiledLook:
     """Return a look with what it takes after the look before."""
     if look.look.verdict is None:
         raise ValueError(f"look {look.look.id} has no verdict")
-    change = view_change(task, look.look, memory.setting, waits)
+    change = view_change(task, look.look, history.setting, waits)
     verdict = replace(look.look.verdict, change=change)
     return replace(look, look=replace(look.look, verdict=verdict))
 
 
 def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
-    """Return what the way there and back adds to where a target was seen."""
+    """Return the position error of a target by the moves there and back, um."""
     if look.look.coarse is None:
         return 0.0
     carrier = locate_place(task, here.at_look, here.step.target or "").carrier
     return math.sqrt(2) * axes_of(task, carrier).repeatability_xy_um
 
 
-def _after_sweep(memory: MeasurementHistory, step: p.Step) -> MeasurementHistory:
-    """Return the memory after an action: a height sweep leaves the focus at its end."""
+def _after_sweep(history: MeasurementHistory, step: p.Step) -> MeasurementHistory:
+    """Return the history after an action: a height sweep ends at its last focus."""
     action = step.action
     if not isinstance(action, p.VerifyAction) or action.height is None:
-        return memory
+        return history
     height = action.height
     view = next(look.view for look in step.looks if look.id == height.look)
     view = replace(view, focus_um=height.focus_um[-1])
     setting = MicroscopeSetting(look=height.look, view=view)
-    return replace(memory, setting=setting, magnification=view.magnification)
+    return replace(history, setting=setting, magnification=view.magnification)
 
 
 def journal_key(step: p.Step, before: str) -> str:
@@ -153,39 +152,37 @@ def _step(
     states: tuple[StepState, ...],
     here: StepState,
     looks: Sequence[CompiledLook],
-    memory: MeasurementHistory,
-    effects: CompileContext,
+    history: MeasurementHistory,
+    context: CompileContext,
 ) -> p.Step:
     """Return the plan's step, without its key."""
     step = here.step
     control = None
-    if step.verb == "align":
+    if step.verb == "align" and history.choice is not None:
         setting_s = setting_time_s(task, here, looks[0].look)
         control = control_of(
-            task, here, memory.within_um, memory.choice, setting_s=setting_s
+            task, here, history.within_um, history.choice, setting_s=setting_s
         )
-    budget, placing = budget_of(task, states, here, memory, effects), None
+    budget, placing = budget_of(task, states, here, history, context), None
     if step.verb == "release":
-        placed = place_budget(task, states, here, memory, effects)
+        placed = place_budget(task, states, here, history, context)
         budget, placing = placed or (budget, None)
-    verdicts = verdicts_of(task, states, here)
+    fit, grasp, release = verdicts_of(task, states, here)
     return p.Step(
         id=step.id,
         verb=step.verb,
         key="",
         physical=step.verb in PHYSICAL or bool(here.moves),
         irreversible=step.verb in IRREVERSIBLE,
-        moves=tuple(axis_move(move) for move in here.moves),
+        moves=tuple(axis_move(move.axes, move.to) for move in here.moves),
         looks=tuple(look.look for look in looks),
         action=action_of(task, here, looks),
         control=control,
         conditions=conditions_of(here),
         budget=budget,
-        fit=verdicts.fit,
-        grasp=verdicts.grasp,
-        release=verdicts.release,
+        fit=fit,
+        grasp=grasp,
+        release=release,
         placing=placing,
-        effects=mechanical_rows(
-            here, budget, verdicts.fit, verdicts.grasp, verdicts.release
-        ),
+        effects=mechanical_rows(here, budget, fit, grasp, release),
     )

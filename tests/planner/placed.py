@@ -8,7 +8,7 @@ from pathlib import Path
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.measurement_history import MeasurementHistory
-from microplan.planner.budget.placement import PlacementContext, putting_of
+from microplan.planner.budget.placement import PlacementContext, placement_context
 from microplan.planner.budget.placement_budget import place_budget
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.source.diagnostics import Report
@@ -75,7 +75,7 @@ def put(task: Task, known: MeasurementHistory) -> PlacementContext | None:
     """Return what the example's release puts where."""
     states = unfold(task, Report())
     here = next(state for state in states if state.step.verb == "release")
-    return putting_of(task, states, here, known)
+    return placement_context(task, states, here, known)
 
 
 def with_step(task: Task, name: str, **changes: object) -> Task:

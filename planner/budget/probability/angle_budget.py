@@ -1,4 +1,4 @@
-"""The chance that an angle ends within a limit: what a servo leaves, and the rest."""
+"""Probability that an angle ends within a limit after a servo."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
 from microplan.schemas.plan.verdicts import TurnRow
 
-# A normal law beyond so many sigmas, 2e-19, is lost beside 1.
+# A normal distribution beyond so many sigmas, 2e-19, is lost in the rounding of 1.
 BODY_SIGMAS = 9.0
-NODES = 16  # per piece; pieces are a sigma of either law long
+NODES = 16  # per piece; pieces are a sigma of either term long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,39 +27,40 @@ class AngleError:
 
     @property
     def rest_rad(self) -> float:
-        """Return the spread of what the servo cannot see."""
+        """Return sigma of the terms that the servo cannot see, rad."""
         return math.hypot(*(row.sigma_rad for row in self.rows))
 
     @property
     def sigma_rad(self) -> float:
-        """Return the spread of the whole angle."""
+        """Return sigma of the whole angle, rad."""
         return math.hypot(self._left_sigma_rad, self.rest_rad)
 
     @property
     def left_inside(self) -> float:
-        """Return the chance that what a servo starts from is inside already."""
+        """Return the probability that a servo starts inside already."""
         if self.left_rad <= 0 or math.isinf(self.cut_rad):
             return 1.0
         return math.erf(self.cut_rad / self.left_rad / math.sqrt(2))
 
     @property
     def _left_sigma_rad(self) -> float:
-        """Return the spread of what the servo leaves, as it is cut off.
+        """Return sigma of the servo's residual, rad, as it is cut off.
 
         s**2 (1 - 2 a phi(a) / (2 Phi(a) - 1)) at a = cut / s; near c**2 / 3 for small a
-        it cancels, and is taken as that of a uniform law.
+        it cancels, and is taken as that of a uniform distribution.
         """
         if self.left_rad <= 0 or math.isinf(self.cut_rad):
             return self.left_rad
         a = self.cut_rad / self.left_rad
-        if a < 1e-3:  # the uniform law's variance is off by a**2 / 15 of itself
+        # the uniform distribution's variance is off by a**2 / 15 of itself
+        if a < 1e-3:
             return self.cut_rad / math.sqrt(3)
         density = math.exp(-a * a / 2) / math.sqrt(2 * math.pi)
         inside = math.erf(a / math.sqrt(2))
         return self.left_rad * math.sqrt(max(1 - 2 * a * density / inside, 0.0))
 
     def beyond(self, within_rad: float) -> float:
-        """Return the chance that the angle ends beyond +-within_rad; tails kept."""
+        """Return the probability of an angle beyond +-within_rad; tails kept."""
         if not within_rad > 0:
             raise ValueError(f"within_rad must be positive, got {within_rad}")
         if math.isinf(self.cut_rad) or self.left_rad <= 0:
@@ -82,7 +83,7 @@ class AngleError:
         return left, law / law.sum()
 
     def _rest_beyond(self, within_rad: float, left: FloatArray) -> FloatArray:
-        """Return the chance that the rest carries each angle beyond, (N,)."""
+        """Return the probability that the rest carries each angle beyond, (N,)."""
         if self.rest_rad <= 0:
             return (np.abs(left) >= within_rad).astype(np.float64)
         sides = [(within_rad + side * left) / self.rest_rad for side in (1, -1)]

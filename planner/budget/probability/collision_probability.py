@@ -1,7 +1,7 @@
-"""The chance that a step's declared moves touch nothing, by the spread of every gap.
+"""Collision probability of a step's declared moves from the sigma of every gap.
 
 MP303 refuses a gap of less than two sigma. What is left above that is small, and no
-sensor of the cell may tell of it, so that it belongs into the chance of success.
+sensor of the cell may detect it, so that it belongs into the probability of success.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_gaps
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import Budget, BudgetRow
 
-NEGLIGIBLE = 1e-12  # a chance of touching that no row tells of
+NEGLIGIBLE = 1e-12  # a probability of touching that no row reports
 
 
-def passed(task: Task, here: StepState, budget: Budget) -> Budget:
-    """Return a step's budget, with the chance that its moves touch nothing in it.
+def with_collisions(task: Task, here: StepState, budget: Budget) -> Budget:
+    """Return a step's budget, with the collision probability of its moves.
 
     The narrowest gap is a row where the step has no other: rows of a grasp, an
-    insertion or a placement are spreads of a place.
+    insertion or a placement are sigmas of a position.
     """
     gaps = narrow_gaps(task, here)
     if not gaps:
@@ -60,6 +60,6 @@ def narrow_gaps(task: Task, here: StepState) -> tuple[Hit, ...]:
 
 
 def _gaps(task: Task, before: State, after: State, carrier: Carrier) -> tuple[Hit, ...]:
-    """Return the gaps of one move whose chance is worth telling."""
+    """Return the gaps of one move whose probability is not negligible."""
     gaps = sweep_gaps(task, before, after, carrier=carrier)
     return tuple(gap for gap in gaps if gap.chance > NEGLIGIBLE)

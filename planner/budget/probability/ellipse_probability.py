@@ -1,4 +1,4 @@
-"""How likely a normal error of any covariance lands beyond a circle.
+"""Probability that a normal error of any covariance lands beyond a circle.
 
 Across the narrow principal axis Gauss nodes, along the wide one the complementary error
 function: with u the offset along the narrow axis in its sigmas and h(u) the half chord
@@ -28,18 +28,19 @@ from microplan.planner.budget.probability.quadrature import (
 # exp(-40**2 / 2) = 1e-348 is no double.
 TAIL_SIGMAS = 40.0
 NODES = 16  # per piece, over which the exponents change by up to 40 each
-# A sigma below this share of the other lengths moves no digit of the chance.
+# A sigma below this share of the other lengths moves no digit of the probability.
 NEGLIGIBLE = 1e-15
 # Principal sigmas closer than this are one: its effect is below the rounding of 1.
 SAME = 1e-15
-# Ends of pieces of the radii's law from its least radius on, in narrow or wide sigmas.
+# Ends of pieces of the radii's distribution from its least radius on, in narrow or wide
+# sigmas.
 RADIUS_CUTS = np.array([0.02, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 9.0])
 RADIUS_NODES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaneNormal:
-    """A normal law in the plane: its middle and its covariance, symmetric."""
+    """A normal distribution in the plane: its mean and its covariance."""
 
     middle_um: tuple[float, float] = (0.0, 0.0)
     xx_um2: float
@@ -58,14 +59,14 @@ class PlaneNormal:
 
     @classmethod
     def along(cls, sigma_um: float, angle_rad: float | None) -> PlaneNormal:
-        """Return a spread along one direction, or alike in all where it is None."""
+        """Return a normal error along one direction, or isotropic where it is None."""
         if angle_rad is None:
             return cls(xx_um2=sigma_um**2, yy_um2=sigma_um**2)
         c, s = sigma_um * math.cos(angle_rad), sigma_um * math.sin(angle_rad)
         return cls(xx_um2=c * c, xy_um2=c * s, yy_um2=s * s)
 
     def plus(self, other: PlaneNormal) -> PlaneNormal:
-        """Return the law of the sum of two independent errors."""
+        """Return the distribution of the sum of two independent errors."""
         return PlaneNormal(
             middle_um=(
                 self.middle_um[0] + other.middle_um[0],
@@ -97,13 +98,13 @@ def beyond_circle(radius_um: float, spread: PlaneNormal) -> float:
     ----------
     radius_um : float
         Where it is not positive, every error is beyond.
-    spread : Spread
+    standard deviation : Spread
         Law of the error.
 
     Returns
     -------
     float
-        In 0..1. Small chances keep their digits, of a miss as of a hit.
+        In 0..1. Small probabilities keep their digits, of a miss as of a hit.
 
     Raises
     ------
@@ -113,7 +114,8 @@ def beyond_circle(radius_um: float, spread: PlaneNormal) -> float:
     References
     ----------
     Isotropic about 0 it is Rayleigh's exp(-r**2 / (2 s**2)); isotropic about another
-    middle it is Rice's law, the tail of a non-central chi square of two degrees.
+    middle it is Rice's distribution, the tail of a non-central chi square of two
+    degrees.
     """
     miss, _ = _both(np.array([_finite(radius_um)]), spread)
     return float(miss[0])
@@ -128,16 +130,16 @@ def within_circle(radius_um: float, spread: PlaneNormal) -> float:
 def beyond_radii(
     radius_um: float, flat_um: float, reach_um: float, spread: PlaneNormal
 ) -> float:
-    """Return the chance of an error beyond a radius that varies as made.
+    """Return the probability of an error beyond a radius that varies.
 
     Parameters
     ----------
     radius_um : float
         Middle of the radius.
     flat_um, reach_um : float
-        Its law is a trapezoid about the middle: level out to `flat_um`, nothing beyond
-        `reach_um`.
-    spread : Spread
+        Its distribution is a trapezoid about the middle: level out to `flat_um`,
+        nothing beyond `reach_um`.
+    standard deviation : Spread
         Law of the error.
 
     Returns
@@ -170,7 +172,7 @@ def _finite(radius_um: float) -> float:
 
 
 def _both(radii_um: FloatArray, spread: PlaneNormal) -> tuple[FloatArray, FloatArray]:
-    """Return the chances beyond and within each radius, (N,) each."""
+    """Return the probabilities beyond and within each radius, (N,) each."""
     narrow, wide, angle = spread.principal
     x, y = spread.middle_um
     along = abs(x * math.cos(angle) + y * math.sin(angle))
@@ -189,7 +191,7 @@ def _pair(
     wide_um: float,
     scale_um: float,
 ) -> tuple[float, float]:
-    """Return the chances beyond and within; `middle_um` across and along, >= 0."""
+    """Return P beyond and P within; `middle_um` across and along, >= 0."""
     across, along = middle_um
     if radius_um <= 0:
         return 1.0, 0.0
@@ -207,7 +209,7 @@ def _pair(
 def _on_line(
     radius_um: float, across_um: float, along_um: float, sigma_um: float
 ) -> tuple[float, float]:
-    """Return both chances of an error on a line `across_um` from the middle."""
+    """Return both probabilities of an error on a line `across_um` from the middle."""
     if across_um >= radius_um:
         return 1.0, 0.0
     half = math.sqrt((radius_um - across_um) * (radius_um + across_um))
@@ -221,7 +223,7 @@ def _on_plane(
     along_um: float,
     sigmas_um: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return both chances; the offset across is across_um + narrow u."""
+    """Return both probabilities; the offset across is across_um + narrow u."""
     narrow, wide = sigmas_um
     gap = radius_um - across_um
     low, high = -(radius_um + across_um) / narrow, gap / narrow
@@ -250,7 +252,7 @@ def _turns(
     along_um: float,
     sigmas_um: tuple[float, float],
 ) -> FloatArray:
-    """Return where pieces end: each narrow sigma, and each wide sigma of the chord."""
+    """Return the ends of pieces: each narrow sigma, each wide sigma of the chord."""
     narrow, wide = sigmas_um
     body = np.arange(-TAIL_SIGMAS, TAIL_SIGMAS + 1)
     chord = np.clip(along_um + body * wide, 0.0, radius_um)

@@ -1,9 +1,9 @@
-"""Will the hole find the shaft: capture radius, P(insert), alignment tolerance.
+"""Insertion probability of a round fit from capture radius and residual.
 
 The error at insertion is e = m + n: m what the servo leaves (normal with the stage's
 repeatability, cut off at the tolerance, since the servo stops inside it and only there)
 and n everything it cannot see (normal, with a bias). The part goes in if |e| is below
-the capture radius, which itself varies with the sizes as made.
+the capture radius, which itself varies with the sizes as fabricated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import VaryingRadius
-from microplan.planner.budget.probability.miss_probability import chance_beyond
+from microplan.planner.budget.probability.miss_probability import probability_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
 
 NODES = 48  # Gauss nodes over the residual, in probability
@@ -47,7 +47,7 @@ class RoundFit:
 
     @property
     def room(self) -> VaryingRadius:
-        """Return the law of the capture radius over the sizes as made."""
+        """Return the distribution of the capture radius over the fabricated sizes."""
         sides = sorted((self.hole_tolerance_um, self.shaft_tolerance_um))
         reach, flat = sides[1] + sides[0], sides[1] - sides[0]
         if reach <= SAME_SIZE_UM:
@@ -57,24 +57,24 @@ class RoundFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residual:
-    """What a servo leaves: normal with `sigma_um` per axis, cut off at `within_um`."""
+    """Residual of a servo: normal, `sigma_um` per axis, cut off at `within_um`."""
 
     sigma_um: float
     within_um: float
 
     def radii(self) -> tuple[FloatArray, FloatArray]:
-        """Return radii of the residual and their weights, (N,) each."""
+        """Return radii of the residual and their weights, (N,) um and (N,)."""
         if self.sigma_um <= 0 or self.within_um <= 0:
             return np.zeros(1), np.ones(1)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        # uniform in the cumulated probability of the cut-off Rayleigh law
+        # uniform in the cumulated probability of the cut-off Rayleigh distribution
         share = (nodes + 1) / 2 * -math.expm1(-self._exponent)
         radius = self.sigma_um * np.sqrt(-2 * np.log1p(-share))
         return radius, weights / 2
 
     @property
     def inside(self) -> float:
-        """Return the chance that one move ends inside."""
+        """Return the probability that one move ends inside."""
         return -math.expm1(-self._exponent)
 
     @property
@@ -88,23 +88,23 @@ class Residual:
 def miss_probability(
     fit: RoundFit, residual: Residual, sigma_um: float, bias_um: float = 0.0
 ) -> float:
-    """Return the chance that the part does not go in.
+    """Return the probability that the part does not go in.
 
     Parameters
     ----------
-    fit : Fit
+    fit : RoundFit
         Hole and shaft.
     residual : Residual
         What the servo leaves.
     sigma_um : float
         Everything the servo cannot see, one sigma per axis.
     bias_um : float
-        Constant error that nobody corrects, >= 0.
+        Constant error that is not corrected, >= 0.
 
     Returns
     -------
     float
-        In 0..1, summed over tails, so that tiny chances keep their digits.
+        In 0..1, summed over tails, so that tiny probabilities keep their digits.
 
     Notes
     -----
@@ -113,22 +113,22 @@ def miss_probability(
     landing = Landing(
         bias_um=bias_um, sigma_um=residual.sigma_um, within_um=residual.within_um
     )
-    return chance_beyond(fit.room, landing, sigma_um)
+    return probability_beyond(fit.room, landing, sigma_um)
 
 
 def expected_looks(residual: Residual) -> float:
-    """Return how many looks a servo of gain 1 takes on average to stop inside."""
+    """Return the mean number of looks of a servo of gain 1 until it stops inside."""
     return 1 / residual.inside if residual.inside > 0 else math.inf
 
 
 def servo_tolerance_um(
     fit: RoundFit, move_sigma_um: float, sigma_um: float, goal: float
 ) -> float:
-    """Return how closely to align before inserting.
+    """Return the tolerance of an alignment before inserting, um.
 
     The loosest tolerance at which misses use up at most SERVO_SHARE of the failures
     that `goal` allows; never below EASY_SIGMAS stage sigmas, where looks are cheap, nor
-    above half the capture radius, where the answer would hang on the tail.
+    above half the capture radius, where the answer would depend on the tail.
     """
     allowed = SERVO_SHARE * (1 - goal)
     ceiling = max(fit.capture_um / 2, LEAST_SIGMAS * move_sigma_um)

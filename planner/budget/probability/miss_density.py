@@ -1,8 +1,8 @@
-"""How fast the chance of a miss grows with an error, over radii that vary.
+"""Density of the miss probability over an error, for radii that vary.
 
-Q(w, C) is the chance that a normal rest carries an error of size w beyond a circle of
-radius C. Its slope dQ/dw, averaged over the law of C, is a bump about as wide as the
-rest and the law of C together. It does not depend on where the error comes from, so
+Q(w, C) is the probability that a normal rest carries an error of size w beyond a circle
+of radius C. Its slope dQ/dw, averaged over C, is a bump about as wide as the rest and
+the distribution of C together. It does not depend on where the error comes from, so
 that it is tabulated once for all of them.
 """
 
@@ -21,9 +21,9 @@ from microplan.planner.budget.probability.servo_landing import BODY_SIGMAS
 
 # exp(-40**2 / 2) = 1e-348 is no double.
 TAIL_SIGMAS = 40.0
-RADIUS_NODES = 10  # per piece of the radii's law
-# Ends of the pieces of the radii's law, in sigmas from where it counts most: close,
-# because there it may fall as fast as exp(-TAIL_SIGMAS u).
+RADIUS_NODES = 10  # per piece of the radii's distribution
+# Ends of the pieces of the radii's distribution, in sigmas from where it counts most:
+# close, because there it may fall as fast as exp(-TAIL_SIGMAS u).
 NEAR_CUTS = np.array([0.25, 1.0, 2.5, 5.0, BODY_SIGMAS])
 # The logarithm of the bump is a polynomial of this degree on pieces of one sigma, and
 # of twice their distance from a kink beyond. Its nearest singularities are the zeros
@@ -34,7 +34,7 @@ KEPT = 64  # bumps, of about 0.3 MB each
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VaryingRadius:
-    """A radius that varies: the difference of two sizes, uniform within limits each.
+    """Distribution of a radius: the difference of two sizes, each uniform.
 
     A trapezoid about `radius_um`: level out to `flat_um`, nothing beyond `reach_um`.
     """
@@ -44,7 +44,7 @@ class VaryingRadius:
     reach_um: float
 
     def density(self, deviation_um: FloatArray) -> FloatArray:
-        """Return the density of the deviation from `radius_um`, per um, same shape."""
+        """Return the density, (...) per um, of deviations from it, (...) um."""
         slope = self.reach_um - self.flat_um
         left = self.reach_um - np.abs(deviation_um)
         share = np.minimum(left / slope, 1.0) if slope > 0 else np.ones_like(left)
@@ -53,12 +53,12 @@ class VaryingRadius:
 
     @property
     def kinks_um(self) -> FloatArray:
-        """Return where the density bends, (4,)."""
+        """Return the kinks of the density, (4,) um."""
         return np.array([-self.reach_um, -self.flat_um, self.flat_um, self.reach_um])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bump:
+class MissDensity:
     """dQ/dw over w = radius + offset, as polynomials of log (dQ/dw / w) on pieces."""
 
     radius_um: float
@@ -77,15 +77,15 @@ class Bump:
 
 
 @lru_cache(maxsize=KEPT)
-def bump_of(room: VaryingRadius, sigma_um: float) -> Bump:
-    """Return the bump of a rest of `sigma_um` > 0 per axis.
+def miss_density(room: VaryingRadius, sigma_um: float) -> MissDensity:
+    """Return the miss density of a rest of `sigma_um` > 0 per axis.
 
     It reaches from where dQ/dw is no double to BODY_SIGMAS beyond the largest radius.
 
     References
     ----------
-    dQ/dw = C / s**2 exp(-(w**2 + C**2) / (2 s**2)) I1(w C / s**2) for the Rice law's
-    tail Q(w, C): Marcum's function of first order.
+    dQ/dw = C / s**2 exp(-(w**2 + C**2) / (2 s**2)) I1(w C / s**2) for the Rice
+    distribution's tail Q(w, C): Marcum's function of first order.
     """
     cuts = _cuts(room, sigma_um)
     angle = math.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)
@@ -94,13 +94,13 @@ def bump_of(room: VaryingRadius, sigma_um: float) -> Bump:
     values = _log_slope(room, sigma_um, nodes.ravel()).reshape(nodes.shape)
     basis = np.cos(np.arange(DEGREE + 1)[:, None] * angle) * 2 / (DEGREE + 1)
     basis[0] /= 2
-    return Bump(radius_um=room.radius_um, cuts_um=cuts, terms=basis @ values)
+    return MissDensity(radius_um=room.radius_um, cuts_um=cuts, terms=basis @ values)
 
 
 def radii_near(
     room: VaryingRadius, sigma_um: float, offset_um: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positive radii less w = radius + offset, and their weights, (N, M)."""
+    """Return radii less w = radius + offset, (N, M) um, and weights, (N, M)."""
     if room.reach_um == 0:
         return -offset_um[:, None], np.ones((len(offset_um), 1))
     low = max(-room.reach_um, -room.radius_um) - offset_um
@@ -155,7 +155,7 @@ def _bessel(x: FloatArray) -> FloatArray:
 
 
 def _clenshaw(terms: FloatArray, place: FloatArray) -> FloatArray:
-    """Return Chebyshev sums, (D, N) coefficients at (N,) places in -1..1."""
+    """Return Chebyshev sums, (D, N) coefficients at (N,) positions in -1..1."""
     after = later = np.zeros_like(place)
     for row in terms[:0:-1]:
         after, later = row + 2 * place * after - later, after

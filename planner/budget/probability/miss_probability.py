@@ -1,15 +1,15 @@
-"""How likely an error lands beyond a radius that itself varies.
+"""Probability that an error lands beyond a radius that itself varies.
 
 The error is e = b + m + n: a bias b, what a servo leaves m (normal, cut off at a circle
 about nothing, of no fixed angle to b) and the unseen rest n (normal). With W = |b + m|
-and Q(w, C) the chance that n carries an error of size w beyond the radius C,
+and Q(w, C) the probability that n carries an error of size w beyond the radius C,
 
     P(|e| >= C) = E Q(W, C) = Q(0, C) + int_0^inf dQ/dw(w, C) P(W >= w) dw
 
 by parts. Two smooth factors remain: the mean of dQ/dw over the radii, a bump about as
-wide as n and the radii's spread, and P(W >= w), an integral over the circle of radius
-w. Neither sees the other, all terms are positive, and their edges are known, so that
-Gauss nodes between the edges serve for any ratio of the lengths.
+wide as n and the radii's standard deviation, and P(W >= w), an integral over the circle
+of radius w. Neither sees the other, all terms are positive, and their edges are known,
+so that Gauss nodes between the edges serve for any ratio of the lengths.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import (
     TAIL_SIGMAS,
     VaryingRadius,
-    bump_of,
+    miss_density,
     radii_near,
 )
 from microplan.planner.budget.probability.quadrature import (
@@ -40,12 +40,12 @@ NEGLIGIBLE = 1e-15
 NODES = 16  # per piece along w
 
 
-def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> float:
-    """Return the chance that an error reaches or passes a radius that varies.
+def probability_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> float:
+    """Return the probability that an error reaches or passes a varying radius.
 
     Parameters
     ----------
-    room : Room
+    room : VaryingRadius
         Law of the radius; where it is not positive, everything is beyond.
     landing : Landing
         Bias and what a servo leaves.
@@ -55,13 +55,13 @@ def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> flo
     Returns
     -------
     float
-        In 0..1. Small chances keep their digits;
+        In 0..1. Small probabilities keep their digits;
         tests/planner/budget/probability/test_miss_probability.py says how many.
 
     References
     ----------
-    dQ/dw = C / s**2 exp(-(w**2 + C**2) / (2 s**2)) I1(w C / s**2) for the Rice law's
-    tail Q(w, C): Marcum's function of first order.
+    dQ/dw = C / s**2 exp(-(w**2 + C**2) / (2 s**2)) I1(w C / s**2) for the Rice
+    distribution's tail Q(w, C): Marcum's function of first order.
     """
     if room.radius_um + room.reach_um <= 0:
         return 1.0
@@ -71,9 +71,9 @@ def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> flo
         offset, weight = _sharp(room, breaks)
     else:
         offset, weight = blurred(room, sigma_um, breaks)
-    always = certain(room, sigma_um)
+    always = certain_miss(room, sigma_um)
     beyond = landing.beyond(room.radius_um, offset)
-    # the weights sum to 1 up to rounding, which where edges are narrow beside the
+    # the weights sum to 1 up to rounding, which where edges are narrow against the
     # radius is that of its position
     total = always + float(weight.sum())
     miss = (always + float(weight @ beyond)) / total
@@ -119,11 +119,11 @@ def blurred(
     offset, weight = nodes_between_roots(
         cuts_between(low, np.concatenate(cuts), high), NODES
     )
-    return offset, weight * bump_of(room, sigma_um).at(offset)
+    return offset, weight * miss_density(room, sigma_um).at(offset)
 
 
-def certain(room: VaryingRadius, sigma_um: float) -> float:
-    """Return the chance of a miss where nothing but the normal rest errs."""
+def certain_miss(room: VaryingRadius, sigma_um: float) -> float:
+    """Return the probability of a miss where only the normal rest errs."""
     start = -room.radius_um
     chance = 0.0
     if start > -room.reach_um:  # no room at all

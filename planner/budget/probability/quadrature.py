@@ -1,4 +1,4 @@
-"""Gauss nodes over pieces whose ends are known."""
+"""Gauss quadrature over pieces whose ends are known."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from microplan.arrays import FloatArray
 
 
 def nodes_between(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights between rising cuts, (..., K) to (..., (K-1) count)."""
+    """Return nodes and weights, (..., (K-1) count), of cuts' unit, (..., K) rising."""
     nodes, weights = _gauss(count)
     return _spread(cuts, (nodes + 1) / 2, weights / 2)
 
 
 def nodes_between_roots(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the same for integrands with square roots at the cuts.
+    """Return nodes and weights, (..., (K-1) count), for square roots at the cuts.
 
+    Cuts, (..., K), rise in any unit; nodes are in the same.
     Gauss nodes in the angle of a half circle over each piece make them analytic.
     """
     nodes, weights = _gauss(count)
@@ -27,7 +28,7 @@ def nodes_between_roots(cuts: FloatArray, count: int) -> tuple[FloatArray, Float
 
 
 def cuts_between(low: float, cuts: FloatArray, high: float) -> FloatArray:
-    """Return the cuts from `low` to `high`, rising, each once."""
+    """Return the cuts, (N,) any unit, from `low` to `high`, rising, (K,)."""
     return np.unique(np.clip(np.concatenate([cuts, [low, high]]), low, high))
 
 

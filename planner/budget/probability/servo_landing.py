@@ -1,4 +1,4 @@
-"""The residual a servo leaves: its distribution, the looks it takes."""
+"""Distribution of a servo's residual, with the looks that it takes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.quadrature import nodes_between
 
 MOST_LOOKS = 10_000  # after which the rest is taken as alike
-_SETTLED = 1e-12  # change of a chance from look to look
+_SETTLED = 1e-12  # change of a probability from look to look
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loop:
-    """A servo in two axes alike; spreads are one sigma per axis."""
+    """A servo loop in two axes alike; errors are one sigma per axis."""
 
     gain: float
     move_um: float  # of where axes land about their reading
@@ -27,13 +27,13 @@ class Loop:
 
 
 def expected_looks(loop: Loop) -> float:
-    """Return how many looks a servo takes on average, inf if none is ever inside.
+    """Return the mean number of looks of a servo, inf if none is ever inside.
 
     A look sees m = a + w: what the readings are off by, a, and what is new each time,
     w, the landing and the look's own error. Outside the tolerance T the readings go by
     -g m, so that a+ = a - g m. With variances A and W per axis, M = A + W, a look ends
     it with 1 - exp(-T**2 / (2 M)). What goes on has E m**2 = M + T**2 / 2 per axis, and
-    of it a is A / M m give or take A W / M; hence
+    of it a is A / M m with variance A W / M; hence
 
         A+ = (A / M - g)**2 (M + T**2 / 2) + A W / M.
 
@@ -59,7 +59,7 @@ def expected_looks(loop: Loop) -> float:
     return looks + going / ends if ends > 0 else math.inf
 
 
-# exp(-9**2 / 2) = 3e-18 is lost beside 1.
+# exp(-9**2 / 2) = 3e-18 is lost in the rounding of 1.
 BODY_SIGMAS = 9.0
 STEP_SIGMAS = 2.0  # length of a piece along the radius
 TAIL_STEP_SIGMAS = 1.0  # where the tail falls by up to exp(-40) over it
@@ -70,14 +70,14 @@ NODES = 16  # per piece
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Landing:
-    """Where a servo leaves things: a bias, and a normal law cut off at `within_um`."""
+    """Landing of a servo: a bias, a normal error cut off at `within_um`."""
 
     bias_um: float
     sigma_um: float
     within_um: float
 
     def breaks_um(self) -> FloatArray:
-        """Return where `beyond` is not smooth, and steps where it is steep, (N,)."""
+        """Return the kinks of `beyond`, and steps where it is steep, (N,) um."""
         b, reach, sigma = self.bias_um, self.within_um, self.sigma_um
         if reach == 0:
             return np.array([b])
@@ -90,10 +90,11 @@ class Landing:
         """Return P(W >= radius_um + offset_um), same shape as `offset_um`, (N,).
 
         The radius comes in two parts so that its distance from the bias keeps its
-        digits. By the divergence theorem the chance inside a circle of radius a is the
-        mean over its points p of F(|p - b|) (1 + (a**2 - b**2) / |p - b|**2) / 2, F the
-        cumulated law of |m|: F's share beyond `within_um` is a Poisson kernel and has a
-        closed form. Far outside the complement of F gives the chance beyond at once.
+        digits. By the divergence theorem the probability inside a circle of radius a is
+        the mean over its points p of F(|p - b|) (1 + (a**2 - b**2) / |p - b|**2) / 2, F
+        the cumulated distribution of |m|: F's share beyond `within_um` is a Poisson
+        kernel and has a closed form. Far outside the complement of F gives the
+        probability beyond at once.
         """
         a, gap = radius_um + offset_um, (radius_um - self.bias_um) + offset_um
         if self.within_um == 0:
@@ -130,7 +131,7 @@ class Landing:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return |p - b|**2 and weights on half a circle, (N, M), and the end, (N,).
 
-        Up to the angle where the law of |m| has run out.
+        Up to the angle where the distribution of |m| has run out.
         """
         left = np.sqrt(np.maximum((self.within_um - gap) * (self.within_um + gap), 0.0))
         width = 2 * np.sqrt(a * self.bias_um)
@@ -143,7 +144,7 @@ class Landing:
         return gap[:, None] ** 2 + across**2, weight, end
 
     def _exponents(self, square: FloatArray) -> tuple[FloatArray, float]:
-        """Return the exponents of the normal law at `square` and at its end."""
+        """Return the normal exponents at `square` and at its end."""
         q = np.sqrt(square) / self.sigma_um
         ratio = self.within_um / self.sigma_um
         return q * q / 2, ratio * ratio / 2

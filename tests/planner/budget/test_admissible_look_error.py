@@ -8,7 +8,7 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.alignment_residual import residual_after
-from microplan.planner.budget.allowable_errors import AdmissibleError, bearable
+from microplan.planner.budget.allowable_errors import AdmissibleError, admissible_errors
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.source.diagnostics import Report
@@ -25,7 +25,8 @@ def seen_in_gear() -> dict[str, PastMeasurement]:
     shaft = look("shaft_plate.post", "find_shaft", 1.4)
     return {
         "gear": look("gear.bore", "gear_in_fingers", 0.05),
-        "shaft_plate": replace(shaft, steady_um=0.3),  # most of it is the zoom's scale
+        # most of it is the zoom's scale
+        "shaft_plate": replace(shaft, sigma_without_scale_um=0.3),
     }
 
 
@@ -52,7 +53,7 @@ def borne_by(
 ) -> AdmissibleError:
     states = unfold(task, Report())
     align = next(s for s in states if s.step.id == step)
-    return bearable(task, states, align, WITHIN_UM, seen)
+    return admissible_errors(task, states, align, WITHIN_UM, seen)
 
 
 def test_what_an_insertion_bears_of_its_look_gives_just_its_share() -> None:

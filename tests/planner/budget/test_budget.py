@@ -17,13 +17,14 @@ from microplan.planner.budget.budget import (
     blind_rows,
     fit_of,
 )
-from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insert_budget import (
     LateralResidual,
     advice_of,
     insert_budget,
 )
 from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.methods import method_of
 from microplan.planner.budget.probability.fit_probability import (
     Residual,
     combine,
@@ -128,7 +129,8 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
     within = tolerance_um(task, states, align, HOLE, report)
     assert report.found == []
     assert 0.9 <= within <= 1.5  # between easy for the stage and half the clearance
-    control = control_of(task, align, within)
+    choice = method_of(task, states, align, within, {}, report)
+    control = control_of(task, align, within, choice)
     assert 0 < control.gain <= control.gain_limit / 2
     residual = residual_of(task, within, "stage")
     assert residual.sigma_um == pytest.approx(math.sqrt(2 / (2 - control.gain)))
@@ -138,7 +140,9 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
         <= 1e-6
         < outside ** (control.max_cycles - 2)
     )
-    shaft = replace(SHAFT, sigma_um=1.35, steady_um=0.3, place_um=(270.0, 0.0))
+    shaft = replace(
+        SHAFT, sigma_um=1.35, sigma_without_scale_um=0.3, place_um=(270.0, 0.0)
+    )
     choice = method_of(task, states, align, within, {}, report, shaft)
     control = control_of(task, align, within, choice)
     # its first look sees two landings, and what the look before did not: of the zoom,

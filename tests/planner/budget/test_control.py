@@ -10,13 +10,15 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.control import (
-    GIVE_UP,
-    Turn,
     control_of,
     folded_mean,
-    method_of,
     tolerance_um,
-    turn_of,
+)
+from microplan.planner.budget.methods import (
+    GIVE_UP,
+    AngleCorrection,
+    angle_correction,
+    method_of,
 )
 from microplan.planner.source.diagnostics import Report
 from tests.planner.examples import ROOT
@@ -29,7 +31,9 @@ DRAWS = 400_000
 @pytest.mark.parametrize("gain", [0.5, 0.8, 1.0])
 @pytest.mark.parametrize("start_rad", [0.5e-3, 9e-3, 60e-3])
 def test_corrections_are_those_of_drawn_starts(start_rad: float, gain: float) -> None:
-    turn = Turn(within_rad=1.7e-3, start_rad=start_rad, sigma_rad=1e-6, gain=gain)
+    turn = AngleCorrection(
+        within_rad=1.7e-3, start_rad=start_rad, sigma_rad=1e-6, gain=gain
+    )
     rng = np.random.default_rng(5)
     left = np.abs(rng.normal(0.0, start_rad, DRAWS))
     counts = np.zeros(DRAWS)
@@ -48,7 +52,7 @@ def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
     """A submount .5 deg off, to be turned within .1 deg by 80 % at a time."""
     task = read()
     align = next(s for s in unfold(task, Report()) if s.step.id == "over_site")
-    turn = turn_of(task, align)
+    turn = angle_correction(task, align)
     assert turn is not None
     assert turn.start_rad == pytest.approx(math.radians(0.5), rel=1e-3)
     seen = look("submount.mark", "find_submount", 0.12)
@@ -59,7 +63,7 @@ def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
     assert control.max_cycles == 4
     assert 1.8 < control.expected_cycles < 2.3
     straight = replace(align, step=replace(align.step, tolerance_theta_rad=None))
-    assert control_of(task, straight, 0.4).max_cycles == 2
+    assert control_of(task, straight, 0.4, choice).max_cycles == 2
     assert GIVE_UP == 1e-6
 
 
@@ -89,10 +93,11 @@ def test_an_approach_takes_its_nominal_zero_leg_and_the_focus_too() -> None:
     task = read(GEAR)
     states = unfold(task, Report())
     align = next(s for s in states if s.step.id == "bring_between")
-    plain = control_of(task, align, 3.0)
+    choice = method_of(task, (align,), align, 3.0, {}, Report())
+    plain = control_of(task, align, 3.0, choice)
     # 250 um in y, 30 sqrt(2 / pi) in x at 1000 um/s, .15 s between
     assert plain.approach_s == pytest.approx(0.25 + 0.0239 + 0.15, abs=1e-3)
-    later = control_of(task, align, 3.0, setting_s=0.4)
+    later = control_of(task, align, 3.0, choice, setting_s=0.4)
     assert later.approach_s == pytest.approx(plain.approach_s + 0.4)
     assert later.floor_s is not None
     assert plain.floor_s is not None

@@ -10,7 +10,7 @@ import pytest
 from microplan.planner.assembly.assembly import locate_place
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.source.diagnostics import Report
 from microplan.schemas.plan import BudgetRow
 from microplan.schemas.pose import Pose
@@ -45,7 +45,7 @@ def rows(
     states = unfold(task, Report())
     insert = next(s for s in states if s.step.id == "insert")
     seen = (sighted("gear.bore", hole), sighted("shaft_plate.post", shaft))
-    return {row.term: row for row in since_rows(task, states, insert, seen)}
+    return {row.term: row for row in drift_rows(task, states, insert, seen)}
 
 
 def test_nothing_is_charged_where_nothing_moved_sideways(file: Path) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insert_budget import share_of_goal
-from microplan.planner.budget.methods import choose
+from microplan.planner.budget.methods import choose, method_of
 from microplan.planner.source.diagnostics import Report
 from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
 from tests.planner.examples import change, copy_example, read

@@ -14,10 +14,10 @@ from microplan.planner.budget.insert_budget import LateralResidual, share_of_goa
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.placement import PlacementContext
 from microplan.planner.budget.placement_budget import (
-    job_of,
-    left_of,
+    angle_error,
     place_budget,
-    turning_of,
+    placement_errors,
+    placement_residual,
 )
 from microplan.planner.budget.placing import Placement, placing_budget, within
 from microplan.planner.budget.probability.angle_budget import AngleError
@@ -176,13 +176,13 @@ def test_the_example_has_every_term_with_its_source(found: Found) -> None:
 def test_the_first_look_may_end_the_alignment(task: Task) -> None:
     """With nothing to turn it mostly does; then the look before decides."""
     straight = putting(with_step(task, "over_site", tolerance_theta_rad=None))
-    servo_um = job_of(straight, left_of(straight)).left_um
+    servo_um = placement_errors(straight, placement_residual(straight)).left_um
     first = math.hypot(0.05 * math.sqrt(2), 0.12)
     # cut off at .4 um = 2.87 sigma the law is narrower by less than a tenth
     assert first * 0.9 < servo_um < first
     turned = putting(task)
-    assert job_of(turned, left_of(turned)).left_um < 0.7 * first
-    share, law = left_of(turned).early or (0.0, None)
+    assert placement_errors(turned, placement_residual(turned)).left_um < 0.7 * first
+    share, law = placement_residual(turned).early or (0.0, None)
     # inside .1 of .5 deg, and nearly always inside .4 um
     assert share == pytest.approx(math.erf(0.2 / math.sqrt(2)), rel=0.03)
     swing_um = math.radians(1 / 3600) * math.sqrt(2) * math.hypot(1500, 73)
@@ -202,22 +202,29 @@ def test_a_second_alignment_places_closer_what_the_first_turned(task: Task) -> N
     found = put(both(), known)
     assert found is not None
     one = putting(task)
-    assert turning_of(found).rows == turning_of(one).rows
-    assert turning_of(found).cut_rad == turning_of(one).cut_rad
+    assert angle_error(found).rows == angle_error(one).rows
+    assert angle_error(found).cut_rad == angle_error(one).cut_rad
     # a disc of .04 um, evenly filled, has .02 um per axis
-    assert job_of(found, left_of(found)).left_um == pytest.approx(0.02, rel=0.02)
+    assert placement_errors(found, placement_residual(found)).left_um == pytest.approx(
+        0.02, rel=0.02
+    )
     lost = replace(known, angles={})  # nobody knows the submount's angle any more
     blind = put(both(), lost)
     assert blind is not None
-    assert turning_of(blind).rows[1].sigma_rad == pytest.approx(math.radians(0.5))
+    assert angle_error(blind).rows[1].sigma_rad == pytest.approx(math.radians(0.5))
 
 
 def test_a_scale_that_looks_share_is_counted_once() -> None:
     known = memory()
-    die = replace(known.seen["die"], steady_um=0.007, place_um=(0.0, 145.0))
+    die = replace(
+        known.seen["die"], sigma_without_scale_um=0.007, place_um=(0.0, 145.0)
+    )
     found = put(read(), replace(known, seen={**known.seen, "die": die}))
     assert found is not None
-    rows = {row.term: row for row in job_of(found, left_of(found)).blind}
+    rows = {
+        row.term: row
+        for row in placement_errors(found, placement_residual(found)).blind
+    }
     assert rows["measurement of die.outline"].sigma_um == 0.007
     assert "which has its own row" in rows["measurement of die.outline"].source
     scale = rows["zoom scale over the distance from the axis"]
@@ -226,10 +233,10 @@ def test_a_scale_that_looks_share_is_counted_once() -> None:
 
 
 def test_what_nobody_turns_keeps_its_angle(task: Task) -> None:
-    found = turning_of(putting(with_step(task, "over_site", tolerance_theta_rad=None)))
+    found = angle_error(putting(with_step(task, "over_site", tolerance_theta_rad=None)))
     spread = math.radians(0.5)  # of the submount; the jaws turn the die flat
     assert found.sigma_rad == pytest.approx(spread, rel=1e-3)
-    kept = turning_of(putting(task))
+    kept = angle_error(putting(task))
     assert kept.sigma_rad < math.radians(0.1) / math.sqrt(3) + 2e-4
 
 
@@ -242,7 +249,10 @@ def test_moves_after_the_looks_are_charged(task: Task) -> None:
     ):
         also = Move(axes=axes, to=to, where=place.where)  # type: ignore[arg-type]  # one of both
         moved = putting(with_step(task, "place", move=(also, *place.move)))
-        rows = {r.term: r.sigma_um for r in job_of(moved, left_of(moved)).blind}
+        rows = {
+            r.term: r.sigma_um
+            for r in placement_errors(moved, placement_residual(moved)).blind
+        }
         term = f"{axes} moved since the look at {of}"
         assert rows[term] == pytest.approx(0.05 * math.sqrt(2))
 
@@ -250,10 +260,10 @@ def test_moves_after_the_looks_are_charged(task: Task) -> None:
 def test_without_an_alignment_all_that_is_unknown_is_left(task: Task) -> None:
     steps = tuple(step for step in task.steps if step.id != "over_site")
     found = putting(replace(task, steps=steps))
-    left = left_of(found)
+    left = placement_residual(found)
     # the submount's 10 um; the jaws' die as it was aligned before
     assert left.residual.sigma_um == pytest.approx(10.0, rel=0.2)
-    assert job_of(found, left).miss > 0.99
+    assert placement_errors(found, left).miss > 0.99
 
 
 def test_nothing_is_placed_where_nobody_looks_or_a_shaft_holds(task: Task) -> None:

@@ -11,7 +11,7 @@ from scipy.stats import ncx2
 
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.planner.budget.budget import FOCUS_TERM
-from microplan.planner.budget.drift_since_look import Borne, is_placed
+from microplan.planner.budget.drift_since_look import DriftTolerance, is_placed
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
 from microplan.schemas.plan import BudgetRow
@@ -42,9 +42,9 @@ def outcomes(errors: Sequence[tuple[float, float] | None]) -> list[Outcome]:
     ]  # fmt: skip
 
 
-def borne(goal: float, of: Insertion, **more: object) -> Borne:
+def borne(goal: float, of: Insertion, **more: object) -> DriftTolerance:
     given = {"setting": "zoom", "bias_um": (0.0, 0.0), **more}
-    return Borne(job=of, goal=goal, term=LOOK, **given)  # type: ignore[arg-type] # mixed values
+    return DriftTolerance(job=of, goal=goal, term=LOOK, **given)  # type: ignore[arg-type] # mixed values
 
 
 def beyond(sigma_um: float, offset_um: float) -> float:

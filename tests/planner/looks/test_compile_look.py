@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.compile_look import compile_look, look_at_first
-from microplan.planner.looks.feature_evaluation import Races
+from microplan.planner.looks.feature_evaluation import evaluate_features
 from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.looks.scenario import build_case
@@ -111,9 +111,10 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     found = []
     request = replace(request, tolerance_um=0.15)
     for known in (begun, replace(begun, others={})):
-        job, asked[0] = LookProblem.of(task, request, effects, known), 0
-        raced, _ = Races(job=job, alone=job.contest(view)).run()
-        found.append((asked[0], [each.tried.scores for each in raced]))
+        job = LookProblem(task=task, request=request, context=effects, begun=known)
+        asked[0] = 0
+        raced, _ = evaluate_features(job, job.evaluate(view))
+        found.append((asked[0], [each.tried.comparison.scores for each in raced]))
     (afterwards, scores), (anew, fresh) = found
     assert afterwards == 0 < anew
     assert len(scores) == 2

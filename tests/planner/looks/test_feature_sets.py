@@ -67,7 +67,7 @@ def others(
     known = proposals(task, request_, needed_shape(task, request_))
     for _, shape in known.others:
         if shape.kind not in found:
-            case = feature_case(task, request_, view, primary, shape)
+            case = feature_case(task, request_, primary, shape)
             found[shape.kind] = (shape, case)
     return found
 

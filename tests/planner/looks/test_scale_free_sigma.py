@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.design import design
+from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score_chain
 from microplan.featuresel.trials.trials import PreparedRoutines
@@ -35,10 +36,12 @@ def tried() -> Evaluation:
         task, request, views(task, request, 5.0, Report())[0], 1
     )
     nothing = PreparedRoutines(chains=(CHAIN,), artifacts={})
-    return Evaluation(
-        case=case, fidelity=fidelity, prepared=nothing, outcomes=Outcomes.of(),
-        scores=(), selection=None,  # type: ignore[arg-type]  # nothing was selected
+    comparison = RoutineComparison(
+        prepared=nothing, outcomes=Outcomes.of(), scores=(), limit_um=None,
+        selection=None,  # type: ignore[arg-type]  # nothing was selected
+        visible=None,
     )  # fmt: skip
+    return Evaluation(case=case, fidelity=fidelity, comparison=comparison)
 
 
 def answered(tried: Evaluation, noise_um: np.ndarray, scale: float = 1.0) -> Evaluation:
@@ -59,11 +62,15 @@ def answered(tried: Evaluation, noise_um: np.ndarray, scale: float = 1.0) -> Eva
                 spread_um=0.01,
             )
         )
-    return replace(tried, outcomes=Outcomes.of(outcomes))
+    return with_outcomes(tried, Outcomes.of(outcomes))
+
+
+def with_outcomes(tried: Evaluation, outcomes: Outcomes) -> Evaluation:
+    return replace(tried, comparison=replace(tried.comparison, outcomes=outcomes))
 
 
 def scored(tried: Evaluation) -> ChainScore:
-    return score_chain(tried.case, CHAIN, tried.outcomes, 1.0)
+    return score_chain(tried.case, CHAIN, tried.comparison.outcomes, 1.0)
 
 
 def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Evaluation) -> None:
@@ -89,5 +96,5 @@ def test_at_any_angle_and_of_few_answers_it_is_not_known(tried: Evaluation) -> N
     found = answered(tried, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
     turned = replace(found, case=replace(found.case, theta_any=True))
     assert sigma_without_scale_um(turned, scored(found), SEED) == math.inf
-    few = replace(found, outcomes=found.outcomes[:2])
+    few = with_outcomes(found, found.comparison.outcomes[:2])
     assert sigma_without_scale_um(few, scored(found), SEED) == math.inf

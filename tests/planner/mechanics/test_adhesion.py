@@ -438,11 +438,11 @@ def test_without_friction_it_follows_the_finger(tmp_path: Path) -> None:
     change(file, "friction: 0.3", "friction: 0")
     task = read(file)
     states, here = released(task)
-    found = verdicts_of(task, states, here)
-    assert found.release is not None
-    assert found.release.verdict == "will stick"
+    _, grasp, release = verdicts_of(task, states, here)
+    assert release is not None
+    assert release.verdict == "will stick"
     report = Report()
-    report_handling(here, found.grasp, found.release, report)
+    report_handling(here, grasp, release, report)
     assert [(d.code, d.severity) for d in report.found] == [("MP613", "infeasible")]
 
 
@@ -450,7 +450,7 @@ def test_only_steps_that_need_it_have_it_worked_out() -> None:
     task = read(EXAMPLE / "task.yaml")
     states = unfold(task, Report())
     found = {s.step.verb: verdicts_of(task, states, s) for s in states}
-    for verb, each in found.items():
-        assert (each.fit is not None) is (verb == "insert")
-        assert (each.grasp is not None) is (verb == "grasp")
-        assert (each.release is not None) is (verb == "release")
+    for verb, (fit, grasp, release) in found.items():
+        assert (fit is not None) is (verb == "insert")
+        assert (grasp is not None) is (verb == "grasp")
+        assert (release is not None) is (verb == "release")

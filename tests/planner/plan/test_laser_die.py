@@ -153,7 +153,7 @@ def test_a_round_mark_is_looked_at_with_the_other_one(task: Task) -> None:
         for _, s in proposals(task, request, needed_shape(task, request)).others
         if s.name == "submount.second"
     )
-    other = feature_case(task, request, both, case, second)
+    other = feature_case(task, request, case, second)
     assert other.tolerance_theta_rad is None  # round as well: its place is what counts
     assert unseen(other) == ""
     narrow = replace(case, window=alone.region, target=other.target)

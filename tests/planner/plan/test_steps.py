@@ -9,11 +9,12 @@ import pytest
 
 from microplan.planner.assembly.assembly import part_sigma_um
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.alignment_residual import moved_by, residual_of
+from microplan.planner.budget.alignment_residual import gain_of, moved_by, residual_of
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insert_budget import apart
 from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.budget.methods import method_of
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.source.diagnostics import Report
@@ -120,7 +121,7 @@ def test_an_alignment_by_the_robot_is_as_fine_as_the_robot(file: Path) -> None:
     align, report = named(states, "over_shaft"), Report()
     assert moved_by(task, align) == "robot"
     residual = residual_of(task, WITHIN_UM, "robot")
-    gain = control_of(task, align, WITHIN_UM).gain
+    gain = gain_of(task)
     assert residual.sigma_um == pytest.approx(ROBOT_UM * math.sqrt(2 / (2 - gain)))
     coarse = residual_of(task, WITHIN_UM, "stage")
     assert coarse.sigma_um == pytest.approx(residual.sigma_um * STAGE_UM / ROBOT_UM)
@@ -191,7 +192,8 @@ def test_the_least_that_a_task_may_state_is_worked_out(
     task, states = unfolded(file)
     align = named(states, "over_shaft")
     within_um = tolerance_um(task, states, align, None, Report())
-    control = control_of(task, align, within_um)
+    choice = method_of(task, states, align, within_um, {}, Report())
+    control = control_of(task, align, within_um, choice)
     assert math.isfinite(control.expected_cycles)
     assert control.max_cycles >= control.expected_cycles
     chance = inserted(file).step.budget.success_probability

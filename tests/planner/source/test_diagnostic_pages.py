@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.control import method_of, tolerance_um
+from microplan.planner.budget.control import tolerance_um
+from microplan.planner.budget.methods import method_of
 from microplan.planner.budget.step_budget import report_handling, verdicts_of
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import TITLES, Report
@@ -88,8 +89,8 @@ def _handling(folder: Path) -> Report:
     """Return what the compiler finds of grasps and releases, without looks."""
     task, states, report = _unfolded(folder)
     for state in states:
-        found = verdicts_of(task, states, state)
-        report_handling(state, found.grasp, found.release, report)
+        _, grasp, release = verdicts_of(task, states, state)
+        report_handling(state, grasp, release, report)
     return report
 
 

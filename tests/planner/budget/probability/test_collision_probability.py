@@ -9,10 +9,10 @@ import pytest
 from scipy.stats import norm
 
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.budget import empty_budget
+from microplan.planner.budget.budget import EMPTY_BUDGET
 from microplan.planner.budget.probability.collision_probability import (
     narrow_gaps,
-    passed,
+    with_collisions,
 )
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
@@ -44,7 +44,7 @@ def test_the_chance_is_that_of_drawn_heights(tmp_path: Path, z_um: float) -> Non
     rng, count = np.random.default_rng(7), 2_000_000
     tools = z_um + ROBOT_Z_UM * rng.standard_normal(count)
     clear = np.mean(tools > STAGE_Z_UM * rng.standard_normal(count))
-    found = passed(task, here, empty_budget()).success_probability
+    found = with_collisions(task, here, EMPTY_BUDGET).success_probability
     assert abs(found - clear) < 4 * np.sqrt(clear * (1 - clear) / count)
 
 
@@ -57,7 +57,7 @@ def test_fingers_count_once_against_the_stage(tmp_path: Path) -> None:
 
 def test_the_narrowest_gap_is_told(tmp_path: Path) -> None:
     task, here = lowered(tmp_path, 25.0)
-    budget = passed(task, here, empty_budget())
+    budget = with_collisions(task, here, EMPTY_BUDGET)
     (row,) = budget.rows
     sigma_um = float(np.hypot(STAGE_Z_UM, ROBOT_Z_UM))
     assert "the stage" in row.term
@@ -69,8 +69,8 @@ def test_the_narrowest_gap_is_told(tmp_path: Path) -> None:
 
 def test_rows_of_an_action_stay_and_its_chance_falls(tmp_path: Path) -> None:
     task, here = lowered(tmp_path, 18.0)
-    clear = passed(task, here, empty_budget()).success_probability
-    budget = passed(task, here, GRASPED)
+    clear = with_collisions(task, here, EMPTY_BUDGET).success_probability
+    budget = with_collisions(task, here, GRASPED)
     assert budget.rows == ()
     assert budget.limit_um == 12.0
     assert budget.success_probability == pytest.approx(0.5 * clear)
@@ -79,4 +79,4 @@ def test_rows_of_an_action_stay_and_its_chance_falls(tmp_path: Path) -> None:
 def test_wide_gaps_and_insertions_cost_nothing() -> None:
     task = read(EXAMPLE / "task.yaml")
     for name in ("lift", "insert", "retract"):
-        assert passed(task, step_of(task, name), empty_budget()) == empty_budget()
+        assert with_collisions(task, step_of(task, name), EMPTY_BUDGET) == EMPTY_BUDGET

@@ -19,7 +19,7 @@ from microplan.planner.budget.probability.ellipse_probability import (
     within_circle,
 )
 from microplan.planner.budget.probability.miss_density import VaryingRadius
-from microplan.planner.budget.probability.miss_probability import chance_beyond
+from microplan.planner.budget.probability.miss_probability import probability_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
 
 SAMPLES = 1_000_000
@@ -149,7 +149,7 @@ def test_round_laws_are_rices(sigma_um: float, off_um: float) -> None:
     wanted = ncx2.sf((3.0 / sigma_um) ** 2, 2, square) if off_um else math.exp(
         -((3.0 / sigma_um) ** 2) / 2
     )  # fmt: skip
-    marcum = chance_beyond(
+    marcum = probability_beyond(
         VaryingRadius(radius_um=3.0, flat_um=0.0, reach_um=0.0),
         Landing(bias_um=off_um, sigma_um=0.0, within_um=0.0),
         sigma_um,
@@ -190,7 +190,7 @@ def test_radii_that_vary_are_averaged(
     """Round laws, where another module knows the answer."""
     at = spread(*sigmas_um, 0.0, (0.5, 0.2))
     found = beyond_radii(3.0, flat_um, reach_um, at)
-    wanted = chance_beyond(
+    wanted = probability_beyond(
         VaryingRadius(radius_um=3.0, flat_um=flat_um, reach_um=reach_um),
         Landing(bias_um=math.hypot(0.5, 0.2), sigma_um=0.0, within_um=0.0),
         sigmas_um[0],

@@ -22,8 +22,8 @@ from microplan.planner.budget.probability.miss_density import VaryingRadius
 from microplan.planner.budget.probability.miss_probability import (
     NODES,
     blurred,
-    certain,
-    chance_beyond,
+    certain_miss,
+    probability_beyond,
 )
 from microplan.planner.budget.probability.servo_landing import Landing
 
@@ -83,7 +83,7 @@ def test_chances_are_those_of_waves(sigma_um: float, tolerance_um: float) -> Non
         if within / sigma_um > 30:
             continue  # millions of Bessel functions each; rays go there
         at, left = room(3.0, tolerance_um), landing(bias, sigma, within)
-        found = chance_beyond(at, left, sigma_um)
+        found = probability_beyond(at, left, sigma_um)
         assert found == pytest.approx(by_waves(at, left, sigma_um), abs=10 * ROUNDING)
 
 
@@ -127,7 +127,7 @@ def test_chances_are_those_of_rays(
     wanted = by_rays(3.0, left)
     # a residual of 1e-6 um about 3 um is placed to 4e-16 um: 4e-10 of its width
     atol = ROUNDING + 2 * np.spacing(3.0) / min(sigma_um, within_um)
-    assert chance_beyond(room(3.0), left, 0.0) == pytest.approx(wanted, abs=atol)
+    assert probability_beyond(room(3.0), left, 0.0) == pytest.approx(wanted, abs=atol)
 
 
 @pytest.mark.parametrize(("sigma_um", "within_um"), LANDINGS[:3])
@@ -137,7 +137,7 @@ def test_a_small_rest_moves_the_bias(
     sigma_um: float, within_um: float, bias_um: float, rest_um: float
 ) -> None:
     left = landing(bias_um, sigma_um, within_um)
-    found = chance_beyond(room(3.0), left, rest_um)
+    found = probability_beyond(room(3.0), left, rest_um)
     nodes, weights = np.polynomial.hermite_e.hermegauss(5)
     weights = weights / weights.sum()
     wanted = 0.0
@@ -168,7 +168,7 @@ def test_sizes_are_averaged(
     # A rest moves the radius by s**2 (1/2 on each axis along and across): the triangle
     # of reach 1 bends by at most 4 in all, and is 1 high: 4 s**2 / 2 + s**2 / (2 C)
     atol = 3e-10 + 3 * rest_um**2
-    found = chance_beyond(room(3.0, reach / 2), left, rest_um)
+    found = probability_beyond(room(3.0, reach / 2), left, rest_um)
     assert found == pytest.approx(wanted, abs=atol)
 
 
@@ -183,7 +183,7 @@ def test_a_flat_residual_misses_outside_a_lens(bias_um: float) -> None:
         kite = (-b + r + c) * (b + r - c) * (b - r + c) * (b + r + c)
         overlap = r**2 * math.acos(at[0]) + c**2 * math.acos(at[1])
         overlap -= math.sqrt(kite) / 2
-    found = chance_beyond(room(c), landing(b, 1e9, r), 0.0)
+    found = probability_beyond(room(c), landing(b, 1e9, r), 0.0)
     assert found == pytest.approx(1 - overlap / (math.pi * r**2), abs=ROUNDING)
 
 
@@ -197,7 +197,7 @@ def test_two_normal_laws_make_one_down_to_hundred_zeros(
     """Cut off at 30 sigmas, where what is cut is below the chance of a miss."""
     wanted = math.exp(-(3.0**2) / 2 / (sigma_um**2 + rest_um**2))
     left = landing(0.0, sigma_um, 30 * sigma_um)
-    found = chance_beyond(room(3.0), left, rest_um)
+    found = probability_beyond(room(3.0), left, rest_um)
     assert 0 < wanted < 1e-97
     # the exponent of 300 keeps 13 digits; Gauss nodes on exp(-40 u) a piece 9
     assert found == pytest.approx(wanted, rel=1e-8)
@@ -216,7 +216,7 @@ def test_tails_of_a_short_residual_keep_their_digits(bias_um: float) -> None:
     tail = np.exp(-((c - a) ** 2) / 2) * series
     wanted = (dr * r * np.exp(-((r / 5.0) ** 2) / 2)) @ tail @ dturn / math.pi
     wanted /= float(dr @ (r * np.exp(-((r / 5.0) ** 2) / 2)))
-    found = chance_beyond(room(3.0), left, sigma)
+    found = probability_beyond(room(3.0), left, sigma)
     assert 0 < wanted < 1e-100
     assert found == pytest.approx(float(wanted), rel=1e-6)
 
@@ -238,7 +238,7 @@ def test_the_weights_are_a_law(
     breaks = left.breaks_um() - radius_um
     _, weight = blurred(at, rest_um, breaks)
     assert weight.min() >= 0
-    assert certain(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-10)
+    assert certain_miss(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -251,20 +251,20 @@ def test_the_weights_are_a_law_where_radii_end_at_nothing(
     """Some pairs have no room at all: the law bends within a sigma of no error."""
     at = room(radius_um, tolerance_um)
     _, weight = blurred(at, rest_um, np.zeros(0))
-    assert certain(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-9)
+    assert certain_miss(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-9)
 
 
 @given(scale=st.integers(-60, 60), bias_um=st.floats(0, 6), rest_um=st.floats(0, 2))
 @settings(max_examples=40, deadline=None)
 def test_chances_know_no_unit(scale: int, bias_um: float, rest_um: float) -> None:
     k = 2.0**scale
-    small = chance_beyond(
+    small = probability_beyond(
         VaryingRadius(radius_um=3 * k, flat_um=0.1 * k, reach_um=0.5 * k),
         landing(bias_um * k, 1.3 * k, 1.5 * k),
         rest_um * k,
     )
     plain = VaryingRadius(radius_um=3.0, flat_um=0.1, reach_um=0.5)
-    found = chance_beyond(plain, landing(bias_um, 1.3, 1.5), rest_um)
+    found = probability_beyond(plain, landing(bias_um, 1.3, 1.5), rest_um)
     assert small == pytest.approx(found, abs=ROUNDING)
 
 
