@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import house
 from benchmarks.compiling import fit, imports, machines, memory, stages, times
+from benchmarks.defocus import error_maps, law_outlines
 from benchmarks.executing import (
     control,
     crashes,
@@ -18,9 +19,7 @@ from benchmarks.focus import heights, sweeps
 from benchmarks.localisation import convergence, costs, polarity
 from benchmarks.optics import (
     coherence,
-    error_maps,
     extremes,
-    law_outlines,
     layers,
     rendering,
     selector,

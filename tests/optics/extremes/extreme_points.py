@@ -16,13 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.defocus.model_error import model_error_bound
 from microplan.arrays import FloatArray
 from microplan.optics.lens.jacobian import point_jacobian
 from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.render.render import render
 from microplan.optics.render.spectrum import Tile, spectrum
 from microplan.optics.transfer import otf
-from microplan.optics.transfer.models import model_error_bound, tabulate, transfer
+from microplan.optics.transfer.models import tabulate, transfer
 from tests.optics.extremes.extreme_chains import CHAINS
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
 

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import j1
 
-from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.optics.law_bounds import (
+from benchmarks.defocus.law_bounds import (
     LAWS,
     bounds,
     defocus_um,
@@ -27,16 +26,12 @@ from benchmarks.optics.law_bounds import (
     reach_um,
     setting,
 )
-from benchmarks.optics.map_pictures import Grid, draw_laws, draw_tables, save_csv
+from benchmarks.defocus.map_pictures import Grid, draw_laws, draw_tables, save_csv
+from benchmarks.defocus.model_error import model_error_bound
+from benchmarks.figures import Benchmark, Figure, Options
 from microplan.arrays import FloatArray
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.models import (
-    MODELS,
-    TABLE_ERROR,
-    model_error_bound,
-    tabulate,
-    transfer,
-)
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
 
 Maps = dict[str, FloatArray]  # (waves, steepness), by "law.kind" or by model
 

@@ -1,4 +1,4 @@
-"""Error bounds of OTF models, from `benchmarks/optics/law_bounds.py`."""
+"""Error bounds of OTF models, from `benchmarks/defocus/law_bounds.py`."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -14,13 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.defocus.law_bounds import LAWS
+from benchmarks.defocus.model_error import model_error_bound
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.optics.law_bounds import LAWS
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.models import TABLE_ERROR, model_error_bound
+from microplan.optics.transfer.models import TABLE_ERROR
 from tests.optics.shapes import circle, disc, gear, one_layer, polygon, rectangle
 
 Draw = Callable[[np.random.Generator, float], Outline]

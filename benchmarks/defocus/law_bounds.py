@@ -1,11 +1,10 @@
 """Bounds of what a defocus law costs in an image, for any outline: the law table.
 
-`python -m benchmarks.optics.law_bounds` writes `optics/transfer/model_error_table.py`
-anew. An image of a part of unit contrast is off by the integral of dh, the difference
-of two point spreads, over the part; as dh has no volume, no part makes that more than
-half the integral of |dh|, and concentric rings make it just that. With pixels p wide
-the same holds for dh averaged over a pixel.
-"""
+`python -m benchmarks.defocus.law_bounds` writes `model_error_table.py` beside it anew.
+An image of a part of unit contrast is off by the integral of dh, the difference of two
+point spreads, over the part; as dh has no volume, no part makes that more than half the
+integral of |dh|, and concentric rings make it just that. With pixels p wide the same
+holds for dh averaged over a pixel."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from microplan.arrays import FloatArray
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import MODELS
 
-TARGET = Path(__file__).parents[2] / "optics" / "transfer" / "model_error_table.py"
+TARGET = Path(__file__).with_name("model_error_table.py")
 LAWS = tuple(model for model in MODELS if model != "exact")
 WAVES = np.geomspace(0.01, 1000, 21)
 STEEPNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.85, 0.95, 0.99])  # A / n
@@ -174,7 +173,7 @@ def main() -> None:
     waves = ", ".join(f"{value:.17g}" for value in WAVES)
     steep = ", ".join(f"{value:g}" for value in STEEPNESS)
     lines = [
-        '"""Error bounds of OTF models, from `benchmarks/optics/law_bounds.py`."""',
+        '"""Error bounds of OTF models, from `benchmarks/defocus/law_bounds.py`."""',
         "",
         "from collections.abc import Mapping",
         "from types import MappingProxyType",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import j0
 
-from benchmarks.optics.error_maps import SHAPES, errors
-from benchmarks.optics.law_bounds import (
+from benchmarks.defocus.error_maps import SHAPES, errors
+from benchmarks.defocus.law_bounds import (
     LAWS,
     bounds,
     defocus_um,
@@ -18,13 +18,14 @@ from benchmarks.optics.law_bounds import (
     reach_um,
     setting,
 )
-from benchmarks.optics.law_outlines import SHAPES as OUTLINES
-from benchmarks.optics.law_outlines import trials
+from benchmarks.defocus.law_outlines import SHAPES as OUTLINES
+from benchmarks.defocus.law_outlines import trials
+from benchmarks.defocus.model_error import model_error_bound
+from benchmarks.defocus.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
-from microplan.optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
-from microplan.optics.transfer.models import MODELS, TABLE_ERROR, model_error_bound
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR
 from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 # drawn once: places between the nodes of the table
