@@ -9,8 +9,7 @@ from typing import TypeVar
 
 from microplan.planner.diff.changes import KINDS
 from microplan.planner.diff.tolerances import parse_rule
-from microplan.planner.plan.options import AXES, parse_vary
-from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.presets import AXES, PRESETS, parse_vary
 from microplan.schemas.files.json_schema import NAMES
 from microplan.schemas.page.completion import SHELLS
 from microplan.schemas.page.console import add_version

@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from microplan.planner.plan.options import Axis, Vary
-from microplan.planner.task.presets import PRESETS, Effort, Preset
+from microplan.planner.task.presets import PRESETS, Axis, Effort, Preset, Vary
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import CameraSpec
 from microplan.planner.views.zooms import ladder

@@ -14,10 +14,11 @@ from pathlib import Path
 from microplan.featuresel.trials.bounds import failure_upper
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.plan.compiler import compile_task
-from microplan.planner.plan.options import Options, Vary
+from microplan.planner.plan.options import Options
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
+from microplan.planner.task.presets import Vary
 from microplan.planner.task.task import Task
 from microplan.planner.tradeoff.render_methods import front
 from microplan.planner.tradeoff.task_axes import CompileMethod, compile_methods

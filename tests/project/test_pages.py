@@ -37,6 +37,8 @@ def _exists(dotted: str) -> bool:
         if home.is_file():
             text = home.read_text(encoding="utf-8")
             return all(re.search(rf"\b{name}\b", text) for name in parts[end:])
+    if (ROOT / "microplan" / f"{parts[0]}.py").is_file():
+        return True
     text = (ROOT / "microplan" / "__init__.py").read_text(encoding="utf-8")
     return len(parts) == 1 and f'"{parts[0]}"' in text
 

@@ -124,7 +124,9 @@ def test_a_target_beyond_the_search_is_not_found() -> None:
 class Drawn:
     """The disc for a routine that is prepared."""
 
-    drifts = Nuisances(focus_sigma_um=0.0, zoom_sigma=0.0, gradient=0.0, axis_px=CENTER)
+    nuisances = Nuisances(
+        focus_sigma_um=0.0, zoom_sigma=0.0, gradient=0.0, axis_px=CENTER
+    )
 
     def __call__(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0

@@ -91,6 +91,13 @@ def test_check_tells_a_fault_from_a_no(
     assert main(["check", str(tmp_path / "nowhere.yaml")]) == 2
 
 
+def test_numpy_is_loaded_after_its_threads_are_limited() -> None:
+    # with several threads sums come in another order, and the plan's bytes with them
+    script = "import sys, microplan.planner.cli.main; sys.exit('numpy' in sys.modules)"
+    call = [sys.executable, "-c", script]
+    assert subprocess.run(call, check=False).returncode == 0
+
+
 def test_check_loads_no_imaging_library_and_no_scipy() -> None:
     script = (
         "import sys; from microplan.planner.cli.main import main\n"

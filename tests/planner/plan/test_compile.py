@@ -159,7 +159,7 @@ def test_bytes_depend_on_neither_jobs_nor_hash_seed(tmp_path: Path) -> None:
     one, two = ({p.relative_to(f): p for p in f.rglob("*.*")} for f in folders)
     assert one.keys() == two.keys()
     plain = [name for name in one if name.parts[0] != "evidence"]
-    assert len(plain) == 7  # five of JSON, an image, and the arrays of one routine
+    assert len(plain) == 8  # six of JSON, an image, and the arrays of one routine
     assert len(one) - len(plain) == 6  # a look's trials, and five of their images
     for name, path in one.items():
         if name.name != "timings.json":

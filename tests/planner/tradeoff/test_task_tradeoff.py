@@ -18,9 +18,8 @@ import pytest
 from microplan.featuresel.trials.bounds import failure_upper
 from microplan.optics.lens.sensor import Sensor, expose, to_unit
 from microplan.planner.cli.main import main
-from microplan.planner.plan.options import parse_vary
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.presets import PRESETS, parse_vary
 from microplan.planner.tradeoff.task_axes import averaged, compile_methods
 from microplan.planner.tradeoff.task_tradeoff import (
     choices,
