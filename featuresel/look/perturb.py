@@ -59,16 +59,7 @@ def counts(
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
         moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    noiseless = render_look(
-        seen,
-        moved,
-        seen.microscope,
-        focus_um=seen.focus_um,
-        model=seen.model,
-        light=seen.light,
-        backdrop=behind.layers,
-        under=behind.under,
-    )
+    noiseless = render_look(seen, moved, backdrop=behind.layers, under=behind.under)
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return expose(noiseless, seen.sensor, rng)
 

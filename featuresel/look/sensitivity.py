@@ -201,16 +201,13 @@ class _FocusRenderer:
         at = at or self.at
         zoom = at.zoom / self.at.zoom
         layers, shown = self._seen(at, zoom)
-        return render_look(
+        seen = replace(
             self.case,
-            layers,
-            self.case.microscope if zoom == 1 else self.case.zoomed(zoom),
+            microscope=self.case.zoomed(zoom),
             focus_um=self.case.focus_um + at.dz_um,
-            model=self.case.model,
             light=Illumination(),
-            backdrop=shown.layers,
-            under=shown.under,
         )
+        return render_look(seen, layers, backdrop=shown.layers, under=shown.under)
 
     def _seen(self, at: LookSetting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
         """Return the layers to be rendered anew, and those that are ready.

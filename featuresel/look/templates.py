@@ -129,12 +129,8 @@ def _pictured(
 ) -> FloatArray:
     """Return the picture of the target alone at one focus, `known` being blurred."""
     return render_look(
-        fine,
+        replace(fine, focus_um=focus_um),
         moved,
-        fine.microscope,
-        focus_um=focus_um,
-        model=fine.model,
-        light=fine.light,
         backdrop=known.layers,
         under=known.under,
     )
