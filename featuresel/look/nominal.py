@@ -10,13 +10,13 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.occluders import displaced_look, occluders
-from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
-from microplan.featuresel.look.static_layers import (
+from microplan.featuresel.look.scenario import (
     Backdrop,
-    fresh,
-    standing,
-    usual_range,
+    LookCase,
+    moved_layers,
+    render_look,
 )
+from microplan.featuresel.look.static_layers import fresh, standing, usual_range
 from microplan.featuresel.look.templates import template
 from microplan.featuresel.routines.contract import (
     Blur,
@@ -179,7 +179,7 @@ class NominalRender:
         own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
         if own is not None:
             shown, layers = shown.with_(own), ()
-        return render_look(seen, layers, backdrop=shown.layers, under=shown.under)
+        return render_look(seen, layers, shown)
 
     def _own(
         self,

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.featuresel.look.perturb import turned
-from microplan.featuresel.look.scenario import LookCase, render_look
-from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
+from microplan.featuresel.look.scenario import Backdrop, LookCase, render_look
+from microplan.featuresel.look.static_layers import CUT, standing
 from microplan.featuresel.routines.contract import Occluders
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from microplan.optics.render.scene import Illumination, Layer
@@ -69,12 +69,7 @@ def occluders(case: LookCase, dz_um: float) -> Occluders:
     shown = _before(even, _face(even, top_um, 0.0), dz_um)
     even = replace(even, focus_um=case.focus_um + dz_um)
     black, white = (
-        render_look(
-            even,
-            (_face(even, top_um, reflectance),),
-            backdrop=shown.layers,
-            under=shown.under,
-        )
+        render_look(even, (_face(even, top_um, reflectance),), shown)
         for reflectance in (0.0, 1.0)
     )
     return Occluders(light=case.light.gain * black, through=white - black)

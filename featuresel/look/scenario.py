@@ -161,6 +161,24 @@ class LookCase:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Backdrop:
+    """Layers blurred at one focus and zoom, and the light that they leave."""
+
+    layers: tuple[Covered, ...] = ()
+    under: tuple[Irradiance, ...] | None = None  # None: computed with the image
+
+    def with_(self, other: Backdrop) -> Backdrop:
+        """Return the layers of both, and the light under all of them."""
+        if not self.layers:
+            return other
+        under = None
+        if self.under is not None and other.under is not None:
+            pairs = zip(self.under, other.under, strict=True)
+            under = tuple(one.with_(more) for one, more in pairs)
+        return Backdrop(self.layers + other.layers, under)
+
+
 def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scene:
     """Return the case's scene with the target displaced in the world frame.
 
@@ -200,9 +218,7 @@ def moved_layers(
 def render_look(
     case: LookCase,
     moved: Sequence[Layer],
-    *,
-    backdrop: Sequence[Covered] = (),
-    under: Sequence[Irradiance] | None = None,
+    backdrop: Backdrop,
 ) -> FloatArray:
     """Return the region without noise, (rows, columns), 1 at full scale.
 
@@ -214,13 +230,11 @@ def render_look(
         The look, perturbed or not.
     moved : sequence of Layer
         The target's layers in the world, see `moved_layers`.
-    backdrop : sequence of Covered
-        The static scene of this look, blurred.
-    under : sequence of Irradiance, optional
-        The light that it leaves. Default: it is computed.
+    backdrop : Backdrop
+        The static scene of this look.
     """
     if case.shares_still_layers:
-        layers, also = tuple(moved), backdrop
+        layers, also = tuple(moved), backdrop.layers
     else:
         layers, also = case.static + tuple(moved), ()
     shown = Scene(
@@ -248,6 +262,6 @@ def render_look(
         window=case.window,
         light=case.light,
         also=also,
-        under=under if also else None,
+        under=backdrop.under if also else None,
         sampling=case.sampling,
     )

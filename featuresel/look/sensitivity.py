@@ -9,8 +9,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
-from microplan.featuresel.look.static_layers import Backdrop, Standing, standing
+from microplan.featuresel.look.scenario import (
+    Backdrop,
+    LookCase,
+    moved_layers,
+    render_look,
+)
+from microplan.featuresel.look.static_layers import Standing, standing
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.layer_blending import light_up
 from microplan.optics.render.scene import Illumination, Layer
@@ -207,7 +212,7 @@ class _FocusRenderer:
             focus_um=self.case.focus_um + at.dz_um,
             light=Illumination(),
         )
-        return render_look(seen, layers, backdrop=shown.layers, under=shown.under)
+        return render_look(seen, layers, shown)
 
     def _seen(self, at: LookSetting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
         """Return the layers to be rendered anew, and those that are ready.

@@ -87,11 +87,7 @@ def render(
         shift_um=shift_um,
         sampling=sampling,
     )
-    whole = slice(None)
-    patches = [
-        Patch(layer=c.layer, rows=whole, columns=whole, coverage=c.coverage)
-        for c in (*also, *fresh)
-    ]
+    patches = [c.patch() for c in (*also, *fresh)]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, scene.background)
     light_up(image, microscope, frame, light or Illumination())
@@ -104,6 +100,13 @@ class Covered:
 
     layer: Layer
     coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
+
+    def patch(self, lit: FloatArray | None = None) -> Patch:
+        """Return the layer over all of the window, `lit` where its light is uneven."""
+        whole = slice(None)
+        return Patch(
+            layer=self.layer, rows=whole, columns=whole, coverage=self.coverage, lit=lit
+        )
 
 
 _RECENT: Recent[Covered] = Recent(_RECENT_BYTES, lambda found: found.coverage.nbytes)

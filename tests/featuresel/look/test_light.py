@@ -10,8 +10,8 @@ import numpy as np
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.look.scenario import LookCase, scene
-from microplan.featuresel.look.static_layers import Backdrop, fresh
+from microplan.featuresel.look.scenario import Backdrop, LookCase, scene
+from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.lens import LensErrors

@@ -10,7 +10,7 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.scenario import moved_layers, render_look
+from microplan.featuresel.look.scenario import Backdrop, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Illumination, Layer
@@ -123,11 +123,8 @@ def test_what_is_kept_changes_no_image() -> None:
     first = [look(dx_um=x, dz_um=z) for x, z in asked]
     for (x, z), image in zip(asked, first, strict=True):
         there = replace(lit, focus_um=lit.focus_um + z)
-        anew = render_look(
-            there,
-            moved_layers(lit, x, 0.0, 0.0),
-            backdrop=fresh(there, lit.static).layers,
-        )
+        still = Backdrop(fresh(there, lit.static).layers)  # the light is computed
+        anew = render_look(there, moved_layers(lit, x, 0.0, 0.0), still)
         np.testing.assert_allclose(image, np.clip(anew, 0, 1), rtol=0, atol=SHARED)
     first[0][...] = 0.0
     assert look(dx_um=0.3).max() > 0

@@ -9,6 +9,7 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import (
+    Backdrop,
     LookCase,
     moved_layers,
     render_look,
@@ -41,7 +42,7 @@ def shown(case: LookCase, at: LookSetting) -> FloatArray:
         case, microscope=scope, focus_um=case.focus_um + at.dz_um, light=light
     )
     moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
-    return render_look(seen, moved, backdrop=fresh(seen, seen.static).layers)
+    return render_look(seen, moved, Backdrop(fresh(seen, seen.static).layers))
 
 
 def small(case: LookCase) -> LookCase:
