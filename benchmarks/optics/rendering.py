@@ -121,7 +121,7 @@ def _figures(optics: Microscope, name: str) -> Iterator[Figure]:
     # two planes at the ends keep the tile of the whole stack
     found = _stack(optics, (*CHECKED_UM, -50.0))()[:-1]
     yield from _errors(f"{name}.", found, exact)
-    peak_mib = _peak_mib(partial(_with_its_array, optics, tuple(PLANES_UM)))
+    peak_mib = _peak_mib(_stack(optics, tuple(PLANES_UM)))
     yield Figure(name=f"{name}.peak_mib", value=peak_mib, unit="MiB")
     units = dict(zip(RIVAL_KINDS, ("ms", "ms", *["unit contrast"] * 2, "MiB"),
                      strict=True))  # fmt: skip
@@ -133,19 +133,9 @@ def _figures(optics: Microscope, name: str) -> Iterator[Figure]:
 
 
 def _stack(optics: Microscope, z_um: Sequence[float]) -> Callable[[], FloatArray]:
-    """Return a renderer of the gear at heights above the plane in focus.
-
-    Its images lie in one array for all calls, as a loop's would; the first call pays
-    for the pages.
-    """
+    """Return a renderer of the gear at heights above the plane in focus."""
     focus = tuple(-z for z in z_um)
-    out = np.empty((len(focus), optics.height_px, optics.width_px))
-    return partial(render_stack, one_layer(gear()), optics, focus_um=focus, out=out)
-
-
-def _with_its_array(optics: Microscope, z_um: Sequence[float]) -> FloatArray:
-    """Render a stack into a new array."""
-    return _stack(optics, z_um)()
+    return partial(render_stack, one_layer(gear()), optics, focus_um=focus)
 
 
 def _rival(rival: str, optics: Microscope, truth: FloatArray) -> dict[str, float]:
@@ -188,7 +178,7 @@ def _large(size: int) -> Iterator[Figure]:
         unit="ms",
         floor=floor_ms(size, size),
     )
-    peak_mib = _peak_mib(partial(_with_its_array, optics, planes))
+    peak_mib = _peak_mib(_stack(optics, planes))
     yield Figure(name=f"rendering.size{size}.peak_mib", value=peak_mib, unit="MiB")
 
 

@@ -11,13 +11,12 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.occluders import displaced_look, occluders
 from microplan.featuresel.look.scenario import (
+    Backdrop,
     LookCase,
     moved_layers,
     render_look,
-    still_layers,
-    still_lights,
 )
-from microplan.featuresel.look.static_layers import Backdrop, standing, usual_range
+from microplan.featuresel.look.static_layers import fresh, standing, usual_range
 from microplan.featuresel.look.templates import template
 from microplan.featuresel.routines.contract import (
     Blur,
@@ -27,7 +26,6 @@ from microplan.featuresel.routines.contract import (
     Occluders,
 )
 from microplan.optics.render.scene import Illumination
-from microplan.optics.transfer.microscope import Microscope
 
 _HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
 _BACKDROPS = 4  # settings whose still layers are kept
@@ -169,28 +167,19 @@ class NominalRender:
         The target is transformed once for all places at its own angle, and for all
         heights of a pose that is asked for `again`.
         """
-        case, scope = self.case, self.case.zoomed(zoom)
-        focus_um = case.focus_um + dz_um
+        case, focus_um = self.case, self.case.focus_um + dz_um
+        seen = replace(case, microscope=case.zoomed(zoom), focus_um=focus_um)
         shown = _held(
             self.known.backdrops,
             (dz_um, zoom),
             _BACKDROPS,
-            lambda: _backdrop(case, scope, focus_um, zoom),
+            lambda: _backdrop(case, seen, zoom),
         )
         layers = moved_layers(case, *moved)
         own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
         if own is not None:
             shown, layers = shown.with_(own), ()
-        return render_look(
-            case,
-            layers,
-            scope,
-            focus_um=focus_um,
-            model=case.model,
-            light=case.light,
-            backdrop=shown.layers,
-            under=shown.under,
-        )
+        return render_look(seen, layers, shown)
 
     def _own(
         self,
@@ -230,19 +219,14 @@ def displacement_changes(case: LookCase) -> FloatArray:
     return np.array(changes).reshape(-1, *image.shape)
 
 
-def _backdrop(
-    case: LookCase, scope: Microscope, focus_um: float, zoom: float
-) -> Backdrop:
-    """Return the static scene in a look at some focus and zoom."""
+def _backdrop(case: LookCase, seen: LookCase, zoom: float) -> Backdrop:
+    """Return the static scene in a look `seen` at some focus and zoom."""
     reach = usual_range(case)
-    if reach.holds(focus_um, (0.0, 0.0), zoom):
+    if reach.holds(seen.focus_um, (0.0, 0.0), zoom):
         ready = standing(case, case.static, reach, case.model)
         if ready is not None:
-            return ready.at(focus_um=focus_um, zoom=zoom)
-    return Backdrop(
-        still_layers(case, scope, focus_um=focus_um, model=case.model),
-        still_lights(case, scope, focus_um=focus_um),
-    )
+            return ready.at(focus_um=seen.focus_um, zoom=zoom)
+    return fresh(seen, seen.static)
 
 
 def _held(known: dict[Asked, T], asked: Asked, most: int, make: Callable[[], T]) -> T:

@@ -8,10 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from microplan.arrays import FloatArray
 from microplan.featuresel.look.perturb import turned
-from microplan.featuresel.look.scenario import LookCase, render_look
-from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
+from microplan.featuresel.look.scenario import Backdrop, LookCase, render_look
+from microplan.featuresel.look.static_layers import CUT, standing
 from microplan.featuresel.routines.contract import Occluders
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from microplan.optics.render.scene import Illumination, Layer
@@ -70,7 +69,8 @@ def occluders(case: LookCase, dz_um: float) -> Occluders:
     shown = _before(even, _face(even, top_um, 0.0), dz_um)
     even = replace(even, focus_um=case.focus_um + dz_um)
     black, white = (
-        _faced(even, _face(even, top_um, share), shown) for share in (0.0, 1.0)
+        render_look(even, (_face(even, top_um, reflectance),), shown)
+        for reflectance in (0.0, 1.0)
     )
     return Occluders(light=case.light.gain * black, through=white - black)
 
@@ -86,20 +86,6 @@ def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
     reach = Range(focus_um=(middle_um - half_um, middle_um + half_um))
     ready = standing(replace(case, moving=(face,)), case.static, reach, case.model)
     return Backdrop() if ready is None else ready.at(focus_um=case.focus_um + dz_um)
-
-
-def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
-    """Return the region with a face in the target's place."""
-    return render_look(
-        case,
-        (face,),
-        case.microscope,
-        focus_um=case.focus_um,
-        model=case.model,
-        light=case.light,
-        backdrop=shown.layers,
-        under=shown.under,
-    )
 
 
 def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:

@@ -11,13 +11,13 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.scenario import (
+    Backdrop,
     LookCase,
     UnknownRotation,
     moved_layers,
     render_look,
 )
 from microplan.featuresel.look.static_layers import (
-    Backdrop,
     displaced,
     fresh,
     standing,
@@ -59,16 +59,7 @@ def counts(
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
         moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    noiseless = render_look(
-        seen,
-        moved,
-        seen.microscope,
-        focus_um=seen.focus_um,
-        model=seen.model,
-        light=seen.light,
-        backdrop=behind.layers,
-        under=behind.under,
-    )
+    noiseless = render_look(seen, moved, behind)
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return expose(noiseless, seen.sensor, rng)
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.picture import RegionFrame
-from microplan.optics.layers.coaxial_light import Irradiance, irradiances
+from microplan.optics.layers.coaxial_light import Irradiance
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import place
-from microplan.optics.render.render import Covered, cover
+from microplan.optics.render.render import Covered
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -161,6 +161,24 @@ class LookCase:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Backdrop:
+    """Layers blurred at one focus and zoom, and the light that they leave."""
+
+    layers: tuple[Covered, ...] = ()
+    under: tuple[Irradiance, ...] | None = None  # None: computed with the image
+
+    def with_(self, other: Backdrop) -> Backdrop:
+        """Return the layers of both, and the light under all of them."""
+        if not self.layers:
+            return other
+        under = None
+        if self.under is not None and other.under is not None:
+            pairs = zip(self.under, other.under, strict=True)
+            under = tuple(one.with_(more) for one, more in pairs)
+        return Backdrop(self.layers + other.layers, under)
+
+
 def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scene:
     """Return the case's scene with the target displaced in the world frame.
 
@@ -200,13 +218,7 @@ def moved_layers(
 def render_look(
     case: LookCase,
     moved: Sequence[Layer],
-    microscope: Microscope,
-    *,
-    focus_um: float,
-    model: str,
-    light: Illumination,
-    backdrop: Sequence[Covered] = (),
-    under: Sequence[Irradiance] | None = None,
+    backdrop: Backdrop,
 ) -> FloatArray:
     """Return the region without noise, (rows, columns), 1 at full scale.
 
@@ -215,20 +227,14 @@ def render_look(
     Parameters
     ----------
     case : LookCase
-        The look.
+        The look, perturbed or not.
     moved : sequence of Layer
         The target's layers in the world, see `moved_layers`.
-    microscope : Microscope
-        The optical setting, perturbed or not.
-    focus_um, model, light
-        As in `microplan.optics.render.render.render`.
-    backdrop : sequence of Covered
-        The static scene, by `still_layers` with the same arguments.
-    under : sequence of Light, optional
-        The light that it leaves, by `still_lights`. Default: it is computed.
+    backdrop : Backdrop
+        The static scene of this look.
     """
     if case.shares_still_layers:
-        layers, also = tuple(moved), backdrop
+        layers, also = tuple(moved), backdrop.layers
     else:
         layers, also = case.static + tuple(moved), ()
     shown = Scene(
@@ -236,67 +242,26 @@ def render_look(
         background=case.background,
         background_z_um=case.background_z_um,
     )
-    shown = lens_scene(shown, microscope, case.lens, focus_um)
+    shown = lens_scene(shown, case.microscope, case.lens, case.focus_um)
     if case.treatment == "occluded":
         return occluded(
             shown,
-            microscope,
-            focus_um=focus_um,
-            model=model,
+            case.microscope,
+            focus_um=case.focus_um,
+            model=case.model,
             window=case.window,
-            light=light,
+            light=case.light,
             lamp_aperture=case.lamp_aperture,
         )
     return render_coaxial(
         shown,
-        microscope,
-        focus_um=focus_um,
+        case.microscope,
+        focus_um=case.focus_um,
         lamp_aperture=case.lamp_aperture,
-        model=model,
+        model=case.model,
         window=case.window,
-        light=light,
+        light=case.light,
         also=also,
-        under=under if also else None,
+        under=backdrop.under if also else None,
         sampling=case.sampling,
-    )
-
-
-def still_layers(
-    case: LookCase, microscope: Microscope, *, focus_um: float, model: str
-) -> tuple[Covered, ...]:
-    """Return the static scene, blurred; none where images do not share it."""
-    if not case.shares_still_layers:
-        return ()
-    return cover(
-        case.static,
-        microscope,
-        focus_um=focus_um,
-        model=model,
-        window=case.window,
-        sampling=case.sampling,
-    )
-
-
-def still_lights(
-    case: LookCase, microscope: Microscope, *, focus_um: float
-) -> tuple[Irradiance, ...] | None:
-    """Return the light that still layers leave at every height that is seen.
-
-    Returns
-    -------
-    tuple of Light, optional
-        None where nothing is shaded, or images do not share it.
-    """
-    if case.lamp_aperture is None or not case.static or not case.shares_still_layers:
-        return None
-    heights = {layer.z_um for layer in (*case.static, *case.moving)}
-    if case.background_z_um is not None:
-        heights.add(case.background_z_um)
-    return irradiances(
-        case.static,
-        sorted(heights),
-        microscope,
-        lamp_aperture=case.lamp_aperture,
-        focus_um=(focus_um,),
-        window=case.window,
     )

@@ -9,8 +9,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
-from microplan.featuresel.look.static_layers import Backdrop, Standing, standing
+from microplan.featuresel.look.scenario import (
+    Backdrop,
+    LookCase,
+    moved_layers,
+    render_look,
+)
+from microplan.featuresel.look.static_layers import Standing, standing
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.layer_blending import light_up
 from microplan.optics.render.scene import Illumination, Layer
@@ -201,16 +206,13 @@ class _FocusRenderer:
         at = at or self.at
         zoom = at.zoom / self.at.zoom
         layers, shown = self._seen(at, zoom)
-        return render_look(
+        seen = replace(
             self.case,
-            layers,
-            self.case.microscope if zoom == 1 else self.case.zoomed(zoom),
+            microscope=self.case.zoomed(zoom),
             focus_um=self.case.focus_um + at.dz_um,
-            model=self.case.model,
             light=Illumination(),
-            backdrop=shown.layers,
-            under=shown.under,
         )
+        return render_look(seen, layers, shown)
 
     def _seen(self, at: LookSetting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
         """Return the layers to be rendered anew, and those that are ready.

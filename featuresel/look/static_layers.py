@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.scenario import Backdrop, LookCase
 from microplan.optics.layers.coaxial_light import Irradiance, irradiances
 from microplan.optics.outline.outline import place
 from microplan.optics.render.prepared_scene import PreparedScene, prepare
@@ -20,24 +20,6 @@ from microplan.optics.transfer.microscope import Microscope
 
 CUT = 3.0  # normal spreads of trials end here: they stand for a working station
 _HELD = 16  # groups of layers: those of a look or two, under two laws
-
-
-@dataclass(frozen=True, slots=True)
-class Backdrop:
-    """Layers blurred at one focus and zoom, and the light that they leave."""
-
-    layers: tuple[Covered, ...] = ()
-    under: tuple[Irradiance, ...] | None = None  # None: computed with the image
-
-    def with_(self, other: Backdrop) -> Backdrop:
-        """Return the layers of both, and the light under all of them."""
-        if not self.layers:
-            return other
-        under = None
-        if self.under is not None and other.under is not None:
-            pairs = zip(self.under, other.under, strict=True)
-            under = tuple(one.with_(more) for one, more in pairs)
-        return Backdrop(self.layers + other.layers, under)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
-from microplan.featuresel.look.static_layers import Backdrop, standing
+from microplan.featuresel.look.scenario import (
+    Backdrop,
+    LookCase,
+    moved_layers,
+    render_look,
+)
+from microplan.featuresel.look.static_layers import standing
 from microplan.featuresel.routines.contract import Failure, Measurement
 from microplan.optics.render.scene import Illumination, Layer, Window
 from microplan.optics.render.view_range import Range
@@ -128,13 +133,4 @@ def _pictured(
     known: Backdrop = _NOTHING,
 ) -> FloatArray:
     """Return the picture of the target alone at one focus, `known` being blurred."""
-    return render_look(
-        fine,
-        moved,
-        fine.microscope,
-        focus_um=focus_um,
-        model=fine.model,
-        light=fine.light,
-        backdrop=known.layers,
-        under=known.under,
-    )
+    return render_look(replace(fine, focus_um=focus_um), moved, known)

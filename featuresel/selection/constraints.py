@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.trials.bounds import CONFIDENCE
 from microplan.featuresel.trials.chains import Chain, has_angle
-from microplan.featuresel.trials.score import CONFIDENCE, ChainScore
+from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.tolerant_order import above, at_most, ordered
 
 

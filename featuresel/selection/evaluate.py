@@ -207,7 +207,6 @@ def make_ready(
     case: LookCase,
     *,
     expensive: bool = True,
-    controls: bool = False,
     known: Mapping[str, Artifact | Failure] | None = None,
 ) -> PreparedRoutines:
     """Return every routine prepared once, and the chains worth trying by their cost.
@@ -218,20 +217,16 @@ def make_ready(
         The look.
     expensive : bool
         Whether routines that are expensive to prepare are among them.
-    controls : bool
-        Whether known-bad ones are.
     known : mapping of str to Artifact or Failure, optional
         Routines that are prepared already.
     """
     names = [
-        name
-        for name in routines(case.target, controls=controls)
-        if expensive or not load(name).expensive
+        name for name in routines(case.target) if expensive or not load(name).expensive
     ]
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])
     ready |= fresh.artifacts
-    found = chains(case.target, costs=_costs(case, names, ready), controls=controls)
+    found = chains(case.target, costs=_costs(case, names, ready))
     if not found:  # nothing could be prepared: the trials say of each why
         found = chains(case.target, costs=dict.fromkeys(names, 1.0))
     return PreparedRoutines(chains=found, artifacts=ready)

@@ -267,13 +267,9 @@ class SetSearch:
             shares.append(max(map(self.share, self.dropped(taken))))
         return max(shares)
 
-    def some(self, taken: Sequence[int]) -> list[FeatureMeasurement]:
-        """Return the features of a set."""
-        return [self.measured[k] for k in taken]
-
     def known(self, taken: Sequence[int]) -> PoseAccuracy:
         """Return how well some features determine the pose."""
-        return known(self.some(taken), self.need)
+        return known([self.measured[k] for k in taken], self.need)
 
     def log_dets(self, ways: Sequence[Sequence[int]]) -> FloatArray:
         """Return log det of the information of sets of one size, (N,), per um^2.

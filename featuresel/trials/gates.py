@@ -37,7 +37,6 @@ def choose_gate(
     outcomes: Sequence[Outcome],
     *,
     silent_limit: float,
-    confidence: float = CONFIDENCE,
 ) -> Gate | None:
     """Return the gate that keeps the silent failures of a chain below a limit.
 
@@ -50,8 +49,6 @@ def choose_gate(
     silent_limit : float
         The largest rate of silent failures per look. Where trials are too few to show
         it even without a wrong answer, none may pass.
-    confidence : float
-        Of the bound.
 
     Returns
     -------
@@ -70,7 +67,7 @@ def choose_gate(
     r(t) of wrong answers that score at least t falls with t; let t* be the threshold
     where it is the limit. The gate lets pass the most wrong answers, m, whose
     Clopper-Pearson bound is below the limit. It lies below t* only if at most m wrong
-    answers scored t* or more, and that has a probability of 1 - confidence at most.
+    answers scored t* or more, and that has a probability of 1 - `CONFIDENCE` at most.
     This is a test of a fixed sequence of hypotheses, strictest first (Angelopoulos,
     Bates, Candes, Jordan & Lei 2021, Learn then Test), on a continuum of them. A limit
     of the spread is laid over it twice: at the tolerance, fixed beforehand, each of the
@@ -85,7 +82,7 @@ def choose_gate(
     if not 0 < silent_limit < 1:
         raise ValueError(f"silent_limit must be in 0..1, got {silent_limit}")
     right, wrong = _answers(case, outcomes)
-    level = 1 - (1 - confidence) / 2
+    level = 1 - (1 - CONFIDENCE) / 2
     limit = max(silent_limit, failure_upper(0, len(outcomes), level))
     found = [
         _gate(right, wrong, cap, len(outcomes), limit, level)

@@ -14,11 +14,12 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.trials.bounds import (
-    CONFIDENCE as CONFIDENCE,  # handed on: those of a score
+    CONFIDENCE,
+    Estimate,
+    estimate,
+    failure_upper,
+    success_lower,
 )
-from microplan.featuresel.trials.bounds import Estimate, estimate
-from microplan.featuresel.trials.bounds import failure_upper as failure_upper
-from microplan.featuresel.trials.bounds import success_lower as success_lower
 from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes, PlaceErrors, given

@@ -2,7 +2,7 @@
 
 In: `Scene`, `Microscope`, the condenser's aperture over the objective's. Out: images by
 Abbe's sum, and edge offsets and errors from tables, to optics.ledger and planner.views.
-The type that passes: `LightSource` (source), `FeatureOffset` (edge_offsets).
+The type that passes: `LightSource` (source).
 May be touched here: sampling of the source within `source_error`; the table comes from
 `python -m benchmarks.optics.edge_table`.
 Watched by: tests/optics/coherence/test_coherence.py and test_edge_offsets.py.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from microplan.arrays import FloatArray
+from microplan.arrays import FloatArray, Point
 from microplan.optics.coherence.edge_table import COHERENCE, CONTRAST, EDGES, WAVES
 from microplan.optics.outline.clip import to_edges
-from microplan.optics.outline.outline import JOIN_UM, Arc, Outline, Ring
+from microplan.optics.outline.outline import Outline, Ring
 from microplan.optics.render.scene import Scene
 from microplan.optics.render.spectrum import boundary_nodes
 from microplan.optics.transfer.microscope import Microscope
@@ -88,16 +87,6 @@ def _ring_width_um(ring: Ring) -> float:
 
 
 EDGE_WAVES = WAVES[-1]  # |W20| up to which edges are predicted
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FeatureOffset:
-    """How one ring of an outline seems to move in partly coherent light."""
-
-    ring: int  # index into the outline's rings
-    edge_um: float  # outwards from the body's material; negative: it looks smaller
-    radius_um: float | None  # change of the radius where the ring is a circle
-    center_um: tuple[float, float]  # shift of the enclosed area's centroid
 
 
 def amplitude_contrast(one: float, other: float) -> float:
@@ -177,29 +166,29 @@ def coherence_error(
     return float(np.interp(share, _SHARE, around)) * held / coherence
 
 
-def feature_offsets(
+def ring_shifts_um(
     outline: Outline,
     coherence: float,
     microscope: Microscope,
     *,
     reflectance: float,
     background: float,
-    defocus_um: float = 0.0,
-) -> tuple[FeatureOffset, ...]:
-    """Return how the rings of a body seem to move, to first order in the offset.
+) -> tuple[Point, ...]:
+    """Return how the rings of a body in focus seem to move, to first order, um.
 
     Parameters
     ----------
-    coherence, microscope, defocus_um
+    coherence, microscope
         As in `edge_offset_um`.
     reflectance, background : float
         Of the body and of what lies around it; the brighter one shrinks.
 
     Returns
     -------
-    tuple of FeatureOffset
-        One a ring. Centroids of rings with a centre of symmetry stay. Straight edges
-        are assumed: radii and distances must be well above wavelength / A.
+    tuple of (x, y)
+        The shift of each ring's enclosed area's centroid. Centroids of rings with a
+        centre of symmetry stay. Straight edges are assumed: radii and distances must be
+        well above wavelength / A.
 
     Raises
     ------
@@ -209,13 +198,13 @@ def feature_offsets(
     grown = 0.0
     if reflectance != background:
         contrast = amplitude_contrast(reflectance, background)
-        moved = edge_offset_um(coherence, microscope, contrast, defocus_um)
+        moved = edge_offset_um(coherence, microscope, contrast)
         grown = -moved if reflectance > background else moved
-    return tuple(_feature(i, ring, grown) for i, ring in enumerate(outline.rings))
+    return tuple(_shift_um(ring, grown) for ring in outline.rings)
 
 
-def _feature(index: int, ring: Ring, grown_um: float) -> FeatureOffset:
-    """Return what a body grown by a distance makes of one ring."""
+def _shift_um(ring: Ring, grown_um: float) -> Point:
+    """Return how a body grown by a distance shifts the centroid within one ring."""
     area = ring.signed_area_um2
     outwards = grown_um if area > 0 else -grown_um  # from the enclosed area
     x, y, dx, dy = boundary_nodes(to_edges(Outline(rings=(ring,))), 0.0)
@@ -223,27 +212,7 @@ def _feature(index: int, ring: Ring, grown_um: float) -> FeatureOffset:
     cx = float(x**2 @ dy) / (2 * area)
     cy = -float(y**2 @ dx) / (2 * area)
     share = outwards / abs(area)
-    shift = (share * float((x - cx) @ length), share * float((y - cy) @ length))
-    return FeatureOffset(
-        ring=index,
-        edge_um=grown_um,
-        radius_um=outwards if _is_circle(ring) else None,
-        center_um=shift,
-    )
-
-
-def _is_circle(ring: Ring) -> bool:
-    """Return whether all edges are arcs of one circle, run once."""
-    arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
-    if len(arcs) < len(ring.edges):
-        return False
-    first = arcs[0]
-    same = all(
-        math.dist(arc.center, first.center) <= JOIN_UM
-        and abs(arc.radius_um - first.radius_um) <= JOIN_UM
-        for arc in arcs
-    )
-    return same and abs(abs(sum(a.sweep_rad for a in arcs)) - 2 * math.pi) < 1e-6
+    return share * float((x - cx) @ length), share * float((y - cy) @ length)
 
 
 def _checked(

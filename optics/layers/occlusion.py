@@ -58,7 +58,6 @@ def occluded(
     model: str = "exact",
     window: Window | None = None,
     light: Illumination | None = None,
-    shift_um: tuple[float, float] = (0.0, 0.0),
     samples: int = SAMPLES,
     step_um: float | None = None,
     lamp_aperture: float | None = None,
@@ -67,7 +66,7 @@ def occluded(
 
     Parameters
     ----------
-    scene, microscope, focus_um, model, window, light, shift_um
+    scene, microscope, focus_um, model, window, light
         As in `microplan.optics.render.render.render`.
     samples : int
         Rays through each cell.
@@ -106,7 +105,6 @@ def occluded(
             focus_um=focus_um,
             model=model,
             window=cut,
-            shift_um=shift_um,
         )
 
     lit = render(
@@ -128,7 +126,6 @@ def occluded(
             model=model,
             tangents=slopes(microscope, samples),
             step_um=step_um or cell_um(scene.layers, microscope),
-            shift_um=shift_um,
             lamp_aperture=lamp_aperture,
         )
         image[part] = tracing.image(frame.part(*part), blurred)
@@ -145,13 +142,12 @@ class Tracing:
     model: str
     tangents: FloatArray  # (N, 2), of the rays
     step_um: float  # largest side of a cell
-    shift_um: tuple[float, float] = (0.0, 0.0)
     lamp_aperture: float | None = None
 
     def image(self, crop: Window, blurred: Blurred) -> FloatArray:
         """Return the traced image of a crop, (rows, columns), share of full scale."""
         m, scene = self.microscope, self.scene
-        cut = _cut(m, crop, self.step_um, self.shift_um)
+        cut = _cut(m, crop, self.step_um)
         h = cut.grid.step_um
         rim = math.ceil(_TAIL * m.wavelength_um / m.aperture / h)
         wide = cut.grid.grown(rim)
@@ -243,12 +239,7 @@ class _Cells:
     grid: Grid
 
 
-def _cut(
-    microscope: Microscope,
-    crop: Window,
-    step_um: float,
-    shift_um: tuple[float, float],
-) -> _Cells:
+def _cut(microscope: Microscope, crop: Window, step_um: float) -> _Cells:
     """Cut the pixels of `crop` into cells."""
     n = math.ceil(microscope.um_per_px / step_um - 1e-9)
     fine = replace(
@@ -264,17 +255,16 @@ def _cut(
         rows=crop.rows * n,
         columns=crop.columns * n,
     )
-    grid = _grid(fine, window, shift_um)
-    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
+    return _Cells(per_px=n, fine=fine, window=window, grid=_grid(fine, window))
 
 
-def _grid(fine: Microscope, window: Window, shift_um: tuple[float, float]) -> Grid:
-    """Return the pixels of a window as cells before the image's displacement."""
+def _grid(fine: Microscope, window: Window) -> Grid:
+    """Return the pixels of a window as cells."""
     cx, cy = axis_px(fine)
     h = fine.um_per_px
     return Grid(
-        left_um=(window.column - 0.5 - cx) * h - shift_um[0],
-        top_um=(cy - window.row + 0.5) * h - shift_um[1],
+        left_um=(window.column - 0.5 - cx) * h,
+        top_um=(cy - window.row + 0.5) * h,
         step_um=h,
         shape=(window.rows, window.columns),
     )

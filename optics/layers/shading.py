@@ -19,7 +19,7 @@ from microplan.optics.layers.coaxial_light import Irradiance, irradiances, pixel
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
-from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
+from microplan.optics.render.layer_blending import blend_layers, light_up
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Scene, Window
@@ -129,15 +129,8 @@ def render_coaxial(
     if under is not None:
         found = _joined(found, under)
     faces = {each.z_um: view.face(each) for each in found if each.shades}
-    whole = slice(None)
     patches = [
-        Patch(
-            layer=c.layer,
-            rows=whole,
-            columns=whole,
-            coverage=c.coverage,
-            lit=view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None,
-        )
+        c.patch(view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None)
         for c in everything
     ]
     image = np.empty((frame.rows, frame.columns))

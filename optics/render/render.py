@@ -87,11 +87,7 @@ def render(
         shift_um=shift_um,
         sampling=sampling,
     )
-    whole = slice(None)
-    patches = [
-        Patch(layer=c.layer, rows=whole, columns=whole, coverage=c.coverage)
-        for c in (*also, *fresh)
-    ]
+    patches = [c.patch() for c in (*also, *fresh)]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, scene.background)
     light_up(image, microscope, frame, light or Illumination())
@@ -104,6 +100,13 @@ class Covered:
 
     layer: Layer
     coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
+
+    def patch(self, lit: FloatArray | None = None) -> Patch:
+        """Return the layer over all of the window, `lit` where its light is uneven."""
+        whole = slice(None)
+        return Patch(
+            layer=self.layer, rows=whole, columns=whole, coverage=self.coverage, lit=lit
+        )
 
 
 _RECENT: Recent[Covered] = Recent(_RECENT_BYTES, lambda found: found.coverage.nbytes)
@@ -124,7 +127,9 @@ def cover(
     Their coverage is not to be changed: what was asked for not long ago is given again.
     """
     find_model(model)
-    _check((focus_um,), shift_um)
+    for name, values in (("focus_um", (focus_um,)), ("shift_um", shift_um)):
+        if not all(math.isfinite(value) for value in values):
+            raise ValueError(f"{name} must be finite, got {values}")
     frame = window or full(microscope)
     settings = (microscope, focus_um, model, frame, shift_um, sampling)
     return tuple(
@@ -169,20 +174,16 @@ def render_stack(
     focus_um: Sequence[float],
     model: str = "exact",
     window: Window | None = None,
-    light: Illumination | None = None,
-    shift_um: tuple[float, float] = (0.0, 0.0),
     sampling: Sampling = _SINGLE,
-    out: FloatArray | None = None,
 ) -> FloatArray:
     """Return images of a scene at several focus heights, (N, rows, columns).
 
-    Share of full scale. They are put into `out` if that is given: a new array's pages
-    take time. Spectra are computed once for all planes; else like `render`. The margin
-    is that of the plane most out of focus and the precision single, so a plane agrees
-    with `render` within the predicted errors, not bit by bit.
+    Share of full scale, in even light. Spectra are computed once for all planes; else
+    like `render`. The margin is that of the plane most out of focus and the precision
+    single, so a plane agrees with `render` within the predicted errors, not bit by bit.
     """
-    find_model(model)
-    _check(focus_um, shift_um)
+    if not (focus_um and all(map(math.isfinite, focus_um))):
+        raise ValueError(f"focus_um must hold finite heights, got {focus_um}")
     frame = window or full(microscope)
     still = prepare(
         scene,
@@ -191,31 +192,12 @@ def render_stack(
         model=model,
         window=frame,
         sampling=sampling,
-        shift_um=shift_um,
     )
-    images = _stack_of((len(focus_um), frame.rows, frame.columns), out)
+    images = np.empty((len(focus_um), frame.rows, frame.columns))
     top = max((layer.z_um for layer in scene.layers), default=0.0)
     # planes at one distance from a layer share its gain
     for index in sorted(range(len(focus_um)), key=lambda i: abs(focus_um[i] - top)):
         still.draw(
             images[index], ImageView(microscope=microscope, focus_um=focus_um[index])
         )
-    light_up(images, microscope, frame, light or Illumination())
     return images
-
-
-def _stack_of(shape: tuple[int, int, int], out: FloatArray | None) -> FloatArray:
-    """Return `out` if it can hold a stack, or a new array."""
-    if out is None:
-        return np.empty(shape)
-    if out.shape != shape or out.dtype != np.float64:
-        raise ValueError(f"out must be float64 {shape}, got {out.dtype} {out.shape}")
-    return out
-
-
-def _check(focus_um: Sequence[float], shift_um: tuple[float, float]) -> None:
-    if not focus_um:
-        raise ValueError("focus_um must hold at least one height")
-    for name, values in (("focus_um", focus_um), ("shift_um", shift_um)):
-        if not all(math.isfinite(value) for value in values):
-            raise ValueError(f"{name} must be finite, got {values}")

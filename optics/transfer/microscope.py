@@ -57,19 +57,9 @@ class Microscope:
     def airy_radius_um(self) -> float:
         """Return the radius of the first dark ring in object space, um.
 
-        This is the resolution; the paper quotes `airy_diameter_sensor_um` for it.
+        This is the resolution; the paper quotes its diameter on the sensor, eq. (4).
         """
         return 0.61 * self.wavelength_um / self.aperture
-
-    @property
-    def airy_diameter_sensor_um(self) -> float:
-        """Return the diameter of the first dark ring on the sensor, um.
-
-        References
-        ----------
-        Feddema & Simon (1998), eq. (4): 12.026 um at A = .42, .6 um and m = 6.9.
-        """
-        return 1.22 * self.wavelength_um * self.magnification / self.aperture
 
     @property
     def wave_depth_um(self) -> float:
@@ -108,23 +98,3 @@ class Microscope:
         """
         n, A = self.medium_index, self.aperture
         return 2 * abs(z_um) * A / math.sqrt(n**2 - A**2)
-
-    def paraxial_blur_diameter_um(self, z_um: float) -> float:
-        """Return the blur circle of eqs. (2, 3), 2 |z| A / n, in object space, um."""
-        return 2 * abs(z_um) * self.aperture / self.medium_index
-
-
-def paper_depth_of_field_um(microscope: Microscope) -> float:
-    """Return the paper's depth of field, kept for comparison only, um.
-
-    The paper puts the pixel for the blur (12.45 um) and 1.5 for the index. The
-    formula takes one blur width from another, which is not how they add: it becomes
-    negative at high magnification. Use `Microscope.wave_depth_um`.
-
-    References
-    ----------
-    Feddema & Simon (1998), eq. (5): .2196 um.
-    """
-    n, A = microscope.medium_index, microscope.aperture
-    pixel = n * microscope.pitch_um / (microscope.magnification * A)
-    return pixel - 1.22 * microscope.wavelength_um * n / A**2

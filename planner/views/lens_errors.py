@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from microplan.featuresel.routines.contract import TargetKind
-from microplan.optics.coherence.edge_offsets import feature_offsets
+from microplan.optics.coherence.edge_offsets import ring_shifts_um
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.lens_budget import LensRow, predict
 from microplan.optics.outline.outline import Outline, place
@@ -116,10 +116,10 @@ def middle_offset_um(
     dark, bright = _levels(task, shape)
     if not coherence or body is None or shape.kind in SYMMETRIC or dark == bright:
         return 0.0
-    rings = feature_offsets(
+    shifts = ring_shifts_um(
         body, coherence, microscope, reflectance=bright, background=dark
     )
-    return max(math.hypot(*ring.center_um) for ring in rings)
+    return max(math.hypot(*shift) for shift in shifts)
 
 
 def _all_errors(task: Task, shape: TargetShape) -> LensErrors:

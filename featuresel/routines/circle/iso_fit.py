@@ -118,13 +118,9 @@ def ellipse_cost(artifact: Artifact, _pixels: int) -> float:
     return approach_work(artifact.parameters) + _ELLIPSE_WORK
 
 
-ISO_ELLIPSE = Routine(
+ISO_ELLIPSE = replace(
+    ISO_CIRCLE,
     name="iso_ellipse",
-    version="2",
-    kinds=("circle", "teeth"),
-    provides=("xy",),
-    requires=("xy",),
-    capture_px=CAPTURE_PX,
     prepare=prepare_ellipse,
     measure=measure_ellipse,
     cost=ellipse_cost,

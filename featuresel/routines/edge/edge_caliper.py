@@ -28,6 +28,7 @@ from microplan.featuresel.routines.edge.faces import (
     face_numbers,
     in_view,
     measure_face,
+    off_search,
     predicted,
     rough_turn,
 )
@@ -236,10 +237,4 @@ def _misplaced(
     wanted = -p["inner_left.offset_px"] - p["inner_right.offset_px"]
     if abs(gap - wanted) > max(_OPENING_PX, _OPENING_PART * p["opening_px"]):
         return Failure("opening_off", f"opening {gap:.2f} px, predicted {wanted:.2f}")
-    moved = math.hypot(pose[0] - guess.column, pose[1] - guess.row)
-    if moved > 1.5 * p["search_px"] + 2:
-        return Failure("outside", f"{moved:.1f} px from the guess")
-    turned = abs(math.remainder(pose[2] - p["theta_rad"], 2 * math.pi))
-    if turned > p["range_rad"] * 1.2 + 0.01:
-        return Failure("outside", f"turned by {turned:.3f} rad")
-    return None
+    return off_search(pose, p, guess)

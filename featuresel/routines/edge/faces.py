@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import Guess, Target
+from microplan.featuresel.routines.contract import Failure, Guess, Target
 from microplan.featuresel.routines.sampling import (
     STEP_PX,
     best_width,
@@ -251,3 +251,16 @@ def _least_squares(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     away = x - mean_x
     slope = float(away @ (y - mean_y)) / float(away @ away)
     return mean_y - slope * mean_x, slope
+
+
+def off_search(
+    at: tuple[float, float, float], p: Mapping[str, float], guess: Guess
+) -> Failure | None:
+    """Return why a pose (column, row, rad) is not where it was sought, if it is not."""
+    away = math.hypot(at[0] - guess.column, at[1] - guess.row)
+    if away > 1.5 * p["search_px"] + 2:
+        return Failure("outside", f"{away:.1f} px from the guess")
+    turned = abs(math.remainder(at[2] - p["theta_rad"], 2 * math.pi))
+    if turned > p["range_rad"] * 1.2 + 0.01:
+        return Failure("outside", f"turned by {turned:.3f} rad")
+    return None

@@ -27,6 +27,7 @@ from microplan.featuresel.routines.edge.faces import (
     face_numbers,
     in_view,
     measure_face,
+    off_search,
     rough_turn,
 )
 from microplan.featuresel.routines.picture import refused
@@ -200,13 +201,7 @@ def _misplaced(
     for name, one in found.items():
         if one.rms_px > _BENT_PX + faces[name]["rms_px"]:
             return Failure("not_straight", f"{name} strays by {one.rms_px:.2f} px")
-    away = math.hypot(at[0] - guess.column, at[1] - guess.row)
-    if away > 1.5 * p["search_px"] + 2:
-        return Failure("outside", f"{away:.1f} px from the guess")
-    turned = abs(math.remainder(at[2] - p["theta_rad"], 2 * math.pi))
-    if turned > p["range_rad"] * 1.2 + 0.01:
-        return Failure("outside", f"turned by {turned:.3f} rad")
-    return None
+    return off_search(at, p, guess)
 
 
 Numbers = Mapping[str, float]

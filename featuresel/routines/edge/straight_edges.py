@@ -9,6 +9,7 @@ legs meet, fitted away from the tip, which blur rounds.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import (
@@ -116,24 +117,20 @@ LINE_CALIPER = Routine(
     cost=faces_work,
 )
 
-EDGE_PAIR = Routine(
+EDGE_PAIR = replace(
+    LINE_CALIPER,
     name="edge_pair",
-    version="1",
     kinds=("pair",),
-    provides=("xy", "theta"),
     prepare=prepare_pair,
     measure=measure_pair,
-    cost=faces_work,
 )
 
-CORNER = Routine(
+CORNER = replace(
+    LINE_CALIPER,
     name="corner",
-    version="1",
     kinds=("corner",),
-    provides=("xy", "theta"),
     prepare=prepare_corner,
     measure=measure_corner,
-    cost=faces_work,
 )
 
 

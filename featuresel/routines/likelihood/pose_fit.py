@@ -86,8 +86,6 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     for _ in range(_ROUNDS):
         if _is_elsewhere(job, last, pose):
             chosen, last = pixels_of(job, pose), pose
-        if sum(len(columns) for columns, _ in chosen) < FEWEST:
-            return Failure("outside", "the target is not in view")
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return linear
@@ -116,10 +114,7 @@ def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
 
     Chi squared is what the linear problem leaves.
     """
-    chosen = pixels_of(job, start)
-    if sum(len(columns) for columns, _ in chosen) < FEWEST:
-        return Failure("outside", "the target is not in view")
-    linear = _linear(job, start, None, chosen)
+    linear = _linear(job, start, None, pixels_of(job, start))
     if isinstance(linear, Failure):
         return linear
     step = linear.move(job, start, _FAR_DEPTHS)
@@ -201,6 +196,8 @@ def _linear(
     pixels: tuple[tuple[IntArray, IntArray], ...],
 ) -> _Linear | Failure:
     """Return the problem at a pose; without a light, at the one that fits best."""
+    if sum(len(columns) for columns, _ in pixels) < FEWEST:
+        return Failure("outside", "the target is not in view")
     seen = _together(
         [see(job, v, pose, p) for v, p in zip(job.views, pixels, strict=True)]
     )

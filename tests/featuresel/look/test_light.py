@@ -10,7 +10,8 @@ import numpy as np
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.look.scenario import LookCase, scene, still_layers
+from microplan.featuresel.look.scenario import Backdrop, LookCase, scene
+from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.lens import LensErrors
@@ -57,7 +58,7 @@ def test_a_trial_of_a_lit_case_is_shaded_too(look: Look) -> None:
 def test_what_is_not_blended_shares_no_blurred_layers(look: Look) -> None:
     case = replace(look("between"), treatment="occluded")
     scope = case.microscope
-    assert still_layers(case, scope, focus_um=0.0, model=case.model) == ()
+    assert fresh(case, case.static) == Backdrop()
     found = nominal_render(case)()
     expected = occluded(
         scene(case, 0.0, 0.0, 0.0),

@@ -10,7 +10,8 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.scenario import moved_layers, render_look, still_layers
+from microplan.featuresel.look.scenario import Backdrop, moved_layers, render_look
+from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Illumination, Layer
 from tests.featuresel.conftest import disc, post_layer
@@ -121,16 +122,9 @@ def test_what_is_kept_changes_no_image() -> None:
     asked = [(0.3, 0.0), (-0.3, 0.0), (0.3, 4.0), (0.3, 8.0), (0.3, -4.0), (0.3, 2.0)]
     first = [look(dx_um=x, dz_um=z) for x, z in asked]
     for (x, z), image in zip(asked, first, strict=True):
-        scope, focus_um = lit.microscope, lit.focus_um + z
-        anew = render_look(
-            lit,
-            moved_layers(lit, x, 0.0, 0.0),
-            scope,
-            focus_um=focus_um,
-            model=lit.model,
-            light=lit.light,
-            backdrop=still_layers(lit, scope, focus_um=focus_um, model=lit.model),
-        )
+        there = replace(lit, focus_um=lit.focus_um + z)
+        still = Backdrop(fresh(there, lit.static).layers)  # the light is computed
+        anew = render_look(there, moved_layers(lit, x, 0.0, 0.0), still)
         np.testing.assert_allclose(image, np.clip(anew, 0, 1), rtol=0, atol=SHARED)
     first[0][...] = 0.0
     assert look(dx_um=0.3).max() > 0

@@ -9,10 +9,10 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import (
+    Backdrop,
     LookCase,
     moved_layers,
     render_look,
-    still_layers,
 )
 from microplan.featuresel.look.sensitivity import (
     LIGHT,
@@ -21,6 +21,7 @@ from microplan.featuresel.look.sensitivity import (
     Sensitivities,
     sensitivities,
 )
+from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.render.scene import Illumination, Window
 
@@ -32,20 +33,16 @@ def shown(case: LookCase, at: LookSetting) -> FloatArray:
     scope = replace(
         case.microscope, magnification=case.microscope.magnification * at.zoom
     )
-    focus_um = case.focus_um + at.dz_um
-    return render_look(
-        case,
-        moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad),
-        scope,
-        focus_um=focus_um,
-        model=case.model,
-        light=Illumination(
-            gain=case.light.gain * at.gain,
-            gradient_x=case.light.gradient_x + at.gradient_x,
-            gradient_y=case.light.gradient_y + at.gradient_y,
-        ),
-        backdrop=still_layers(case, scope, focus_um=focus_um, model=case.model),
+    light = Illumination(
+        gain=case.light.gain * at.gain,
+        gradient_x=case.light.gradient_x + at.gradient_x,
+        gradient_y=case.light.gradient_y + at.gradient_y,
     )
+    seen = replace(
+        case, microscope=scope, focus_um=case.focus_um + at.dz_um, light=light
+    )
+    moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
+    return render_look(seen, moved, Backdrop(fresh(seen, seen.static).layers))
 
 
 def small(case: LookCase) -> LookCase:

@@ -12,8 +12,8 @@ import pytest
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.selection.elimination import Elimination
-from microplan.featuresel.trials.bounds import estimate
-from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
+from microplan.featuresel.trials.bounds import estimate, failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore
 
 Look = Callable[[str], LookCase]
 TRIALS = 400

@@ -11,7 +11,8 @@ import pytest
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.selection.constraints import Constraints, Limits, front
 from microplan.featuresel.selection.select import select
-from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
+from microplan.featuresel.trials.bounds import failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore
 
 GEAR = Target(
     name="rim", kind="teeth", column=50.0, row=50.0, theta_rad=0.0, px_per_um=1.0,

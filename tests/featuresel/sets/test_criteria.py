@@ -23,7 +23,8 @@ from microplan.featuresel.sets.criteria import (
     uniqueness,
 )
 from microplan.featuresel.sets.pose_covariance import measurement_of
-from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
+from microplan.featuresel.trials.bounds import failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from tests.featuresel.aims import target_of
 

@@ -18,14 +18,13 @@ from microplan.optics.coherence.edge_offsets import (
     amplitude_contrast,
     coherence_error,
     edge_offset_um,
-    feature_offsets,
+    ring_shifts_um,
 )
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Window
 from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import (
     circle,
-    disc,
     microscope,
     one_layer,
     polygon,
@@ -120,10 +119,9 @@ def test_wide_condensers_leave_edges_where_they_are() -> None:
 
 def test_no_contrast_moves_nothing() -> None:
     assert edge_offset_um(0.5, microscope(), 0.0) == 0
-    for offset in feature_offsets(
-        disc(5.0), 0.5, microscope(), reflectance=0.3, background=0.3
-    ):
-        assert (offset.edge_um, offset.radius_um, offset.center_um) == (0, 0, (0, 0))
+    body = polygon([(0.0, 0.0), (40.0, 0.0), (0.0, 30.0)])
+    (shift,) = ring_shifts_um(body, 0.5, microscope(), reflectance=0.3, background=0.3)
+    assert shift == (0, 0)
 
 
 def test_both_sides_of_focus_are_alike() -> None:
@@ -131,37 +129,34 @@ def test_both_sides_of_focus_are_alike() -> None:
     assert near == far > 0
 
 
-def test_bright_bodies_shrink_and_their_holes_grow() -> None:
-    optics = microscope()
+def test_centroids_of_symmetric_rings_stay() -> None:
     rings = (circle(20.0, (3.0, 1.0)), circle(8.0, (3.0, 1.0), hole=True))
-    outer, hole = feature_offsets(
-        Outline(rings=rings), 0.5, optics, reflectance=1.0, background=0.0
+    for shift in ring_shifts_um(
+        Outline(rings=rings), 0.5, microscope(), reflectance=1.0, background=0.0
+    ):
+        assert shift == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reflectance", "background", "sign"), [(1.0, 0.0, -1), (0.04, 0.64, 1)]
+)
+def test_bright_bodies_shrink_and_dark_ones_grow(
+    reflectance: float, background: float, sign: int
+) -> None:
+    optics, corners = microscope(), [(0.0, 0.0), (40.0, 0.0), (0.0, 30.0)]
+    outer = polygon(corners)
+    hole = Outline(rings=tuple(ring.reversed() for ring in outer.rings))
+    edge_um = sign * edge_offset_um(
+        0.5, optics, amplitude_contrast(reflectance, background)
     )
-    moved = edge_offset_um(0.5, optics, 1.0)
-    assert outer.radius_um == pytest.approx(-moved)
-    assert hole.radius_um == pytest.approx(moved)
-    assert outer.edge_um == hole.edge_um == pytest.approx(-moved)
-    for offset in (outer, hole):  # of what is symmetric, the centroid stays
-        assert offset.center_um == pytest.approx((0.0, 0.0), abs=1e-9)
-
-
-def test_dark_bodies_grow() -> None:
-    (offset,) = feature_offsets(
-        disc(9.0), 0.3, microscope(), reflectance=0.04, background=0.64
-    )
-    expected = edge_offset_um(0.3, microscope(), amplitude_contrast(0.04, 0.64))
-    assert offset.radius_um == pytest.approx(expected)
-
-
-def test_a_right_angled_corner_moves_the_centroid() -> None:
-    body = polygon([(0.0, 0.0), (40.0, 0.0), (0.0, 30.0)])
-    (offset,) = feature_offsets(
-        body, 0.5, microscope(), reflectance=1.0, background=0.0
-    )
-    assert offset.radius_um is None
     # grown by d it stays similar about its incentre (10, 10), whose radius is 10:
-    # all lengths times 1 + d / 10, so the centroid (40/3, 10) moves by d / 3 along x
-    assert offset.center_um == pytest.approx((offset.edge_um / 3, 0.0), abs=1e-9)
+    # all lengths times 1 + d / 10, so the centroid (40/3, 10) moves by d / 3 along x;
+    # a hole in the body does the opposite
+    for body, grown_um in ((outer, edge_um), (hole, -edge_um)):
+        (shift,) = ring_shifts_um(
+            body, 0.5, optics, reflectance=reflectance, background=background
+        )
+        assert shift == pytest.approx((grown_um / 3, 0.0), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.rays import slopes
 from microplan.optics.oracle import Oracle, oracle_image
-from microplan.optics.outline.outline import Outline, place
+from microplan.optics.outline.outline import Outline
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
@@ -195,26 +195,15 @@ def test_three_layers_meet_the_oracle(focus_um: float) -> None:
     assert np.abs(found - exact).max() < np.abs(blended - exact).max()
 
 
-def test_window_shift_and_light_are_those_of_render() -> None:
+def test_window_and_light_are_those_of_render() -> None:
     optics = microscope(6.9, 36, 30)
     scene = pair(disc(9.0), rectangle(-30, -30, 0, 2), -9.0, 9.0, (1.0, 0.4, 0.1))
     light = Illumination(gain=0.9, gradient_x=0.3)
-    p = optics.um_per_px
     whole = occluded(scene, optics, focus_um=0.0, light=light)
     piece = Window(row=4, column=5, rows=20, columns=22)
     part = occluded(scene, optics, focus_um=0.0, light=light, window=piece)
     # another crop has other cells beyond its rim
     np.testing.assert_allclose(part, whole[4:24, 5:27], rtol=0, atol=2e-3)
-    moved = replace(
-        scene,
-        layers=tuple(
-            replace(layer, outline=place(layer.outline, 2 * p, -p))
-            for layer in scene.layers
-        ),
-    )
-    one = occluded(moved, optics, focus_um=0.0)
-    other = occluded(scene, optics, focus_um=0.0, shift_um=(2 * p, -p))
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-6)
 
 
 def test_a_scene_without_layers_is_its_background() -> None:

@@ -56,17 +56,6 @@ def test_single_precision_is_harmless_on_a_large_frame() -> None:
     assert np.abs(stacks[0] - stacks[1]).max() < SINGLE_ERROR
 
 
-def test_a_stack_goes_where_it_is_told() -> None:
-    optics, focus = microscope(), (0.0, 10.0)
-    out = np.full((2, 120, 160), np.nan)
-    found = render_stack(one_layer(gear()), optics, focus_um=focus, out=out)
-    assert found is out
-    fresh = render_stack(one_layer(gear()), optics, focus_um=focus)
-    np.testing.assert_array_equal(out, fresh)
-    with pytest.raises(ValueError, match="out must be float64"):
-        render_stack(one_layer(gear()), optics, focus_um=focus, out=out[:1])
-
-
 @pytest.mark.parametrize("sampling", [DOUBLE, SINGLE])
 @pytest.mark.parametrize("shift_um", [(0.0, 0.0), (1.3, -0.7), (-5.0, 4.21)])
 def test_a_shift_is_a_phase_ramp(
