@@ -282,7 +282,6 @@ def _planned(rig: Rig, step: Step) -> StepResult:
 def _expected_sigma_um(step: Step) -> float | None:
     """Return the standard deviation of a step's own look by the trials, um."""
     action = step.action
-    match action:
-        case LocateAction() | AlignAction() | VerifyAction():
-            return _look(step, action.look).sigma_xy_um
+    if isinstance(action, LocateAction | AlignAction | VerifyAction):
+        return _look(step, action.look).sigma_xy_um
     return None
