@@ -13,7 +13,7 @@ from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.contact import touch
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
-from microplan.executor.simulated.truth import AxisState
+from microplan.executor.simulated.truth import AxisState, repeatability
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
@@ -248,13 +248,7 @@ class SimAxes:
 
     def _draw(self, name: str) -> float:
         """Return a new repeatability error of one axis."""
-        spec = self._state.spec
-        sigma = {
-            "x_um": spec.repeatability_xy_um,
-            "y_um": spec.repeatability_xy_um,
-            "z_um": spec.repeatability_z_um,
-            "theta_rad": spec.repeatability_theta_rad,
-        }[name]
+        sigma = repeatability(self._state.spec)[AXES.index(name)]
         return float(sigma * self._rng.standard_normal())
 
     def _seconds(

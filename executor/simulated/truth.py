@@ -57,15 +57,16 @@ def made_truth(
 def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
     """Return an axis group at its start, with a first landing error."""
     start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
-    x, y, z, theta = rng.standard_normal(4)
-    error = {
-        "x_um": spec.repeatability_xy_um * x,
-        "y_um": spec.repeatability_xy_um * y,
-        "z_um": spec.repeatability_z_um * z,
-        "theta_rad": spec.repeatability_theta_rad * theta,
-    }
+    draws = zip(AXES, repeatability(spec), rng.standard_normal(4), strict=True)
+    error = {name: sigma * draw for name, sigma, draw in draws}
     actual = {k: v + error[k] for k, v in start.items()}
     return AxisState(spec=spec, commanded=start, error=error, actual=actual)
+
+
+def repeatability(spec: WorldAxes) -> tuple[float, float, float, float]:
+    """Return the standard deviation of landing of x, y, z (um) and theta (rad)."""
+    xy_um, z_um = spec.repeatability_xy_um, spec.repeatability_z_um
+    return (xy_um, xy_um, z_um, spec.repeatability_theta_rad)
 
 
 def _add_fingers(truth: Truth) -> None:
