@@ -105,10 +105,8 @@ def _object(data: bytes) -> Row:
 
 def _lines(path: Path) -> Iterator[Row]:
     """Yield the objects of a file of lines."""
-    for line in contents(path, _MOST_BYTES).splitlines():
-        found = _object(line)
-        if found:
-            yield found
+    lines = contents(path, _MOST_BYTES).splitlines()
+    yield from filter(None, map(_object, lines))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
