@@ -50,7 +50,11 @@ def made_truth(
         tilt=(float(tilt[0]), float(tilt[1])),
         drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
     )
-    _add_fingers(truth)
+    if truth.tool is not None:
+        truth.fingers = (outline_of(truth.tool.left), outline_of(truth.tool.right))
+        truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
+        truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
+        truth.opening_um = truth.tool.start_opening_um
     return truth
 
 
@@ -67,17 +71,6 @@ def repeatability(spec: WorldAxes) -> tuple[float, float, float, float]:
     """Return the standard deviation of landing of x, y, z (um) and theta (rad)."""
     xy_um, z_um = spec.repeatability_xy_um, spec.repeatability_z_um
     return (xy_um, xy_um, z_um, spec.repeatability_theta_rad)
-
-
-def _add_fingers(truth: Truth) -> None:
-    """Give the truth its fingers, if there is a tool."""
-    tool = truth.tool
-    if tool is None:
-        return
-    truth.fingers = (outline_of(tool.left), outline_of(tool.right))
-    truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
-    truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
-    truth.opening_um = tool.start_opening_um
 
 
 def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
