@@ -87,9 +87,8 @@ def run_plan(rig: Rig) -> RunResult:
     After a fault nothing moves any more: the jaws keep what they hold.
     """
     began_s = rig.worked_s()
-    results = list(
-        rig.resume_state.results
-    )  # of steps that an earlier executor finished
+    # of steps that an earlier executor finished
+    results = list(rig.resume_state.results)
     finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
         "run",
