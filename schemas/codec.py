@@ -51,6 +51,16 @@ def quantise(value: float, digits: int = DIGITS) -> float:
     return rounded if rounded else 0.0  # never -0.0
 
 
+def as_real(value: object) -> float:
+    """Return a value as a float, nan if it is no number or too large for one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return math.nan
+
+
 def from_data(cls: type[T], data: Any, path: str = "") -> T:
     """Return the value of type `cls` that `data` describe.
 
@@ -88,8 +98,7 @@ def _decode(kind: Any, data: Any, path: str) -> Any:
 def _decode_scalar(kind: Any, data: Any, path: str) -> Any:
     """Return a float, int, str, bool or None; an int may replace a float."""
     if kind is float:
-        ok = isinstance(data, (int, float)) and not isinstance(data, bool)
-        return float(_checked(ok and _fits(data), data, path, "a number"))
+        return float(_checked(math.isfinite(as_real(data)), data, path, "a number"))
     if kind is int:
         ok = isinstance(data, int) and not isinstance(data, bool)
         return _checked(ok and abs(data) < MOST, data, path, "a whole number")
@@ -105,14 +114,6 @@ def _is_text(data: Any) -> bool:
     if not isinstance(data, str):
         return False
     return data.isascii() or not any("\ud800" <= char <= "\udfff" for char in data)
-
-
-def _fits(data: float) -> bool:
-    """Return whether a number is finite, also as a float64."""
-    try:
-        return math.isfinite(data)
-    except OverflowError:  # a whole number of more than 308 digits
-        return False
 
 
 def _decode_tuple(args: tuple[Any, ...], data: Any, path: str) -> Any:

@@ -157,16 +157,13 @@ def _shallower(most: int) -> str:
 
 def _grey(counts: Any) -> FloatArray:
     """Return one value per pixel; OpenCV has colours as blue, green, red."""
-    if counts.ndim == 2:
-        plain: FloatArray = counts.astype(np.float64)
-        return plain
-    if counts.shape[2] < 3:  # grey with alpha
-        first: FloatArray = counts[..., 0].astype(np.float64)
-        return first
-    red, green, blue = LUMA
-    colours = counts[..., :3].astype(np.float64)
-    found: FloatArray = colours @ np.array([blue, green, red])
-    return found
+    grey: FloatArray
+    if counts.ndim == 3 and counts.shape[2] >= 3:
+        red, green, blue = LUMA
+        grey = counts[..., :3].astype(np.float64) @ np.array([blue, green, red])
+    else:  # grey, perhaps with alpha
+        grey = (counts if counts.ndim == 2 else counts[..., 0]).astype(np.float64)
+    return grey
 
 
 def _refuse(path: Path, what: str) -> NoReturn:

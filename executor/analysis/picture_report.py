@@ -147,6 +147,7 @@ def _row(finding: Finding, um_per_px: float) -> tuple[str, ...]:
     gates = {g.name: g for g in attempt.gates} if attempt is not None else {}
     spread_um = gates.get("spread")
     px = "" if spread_um is None else f" ({spread_um.value / um_per_px:.3f})"
+    spare = " (fallback)" if attempt is not None and attempt.spare else ""
     turn = finding.theta_rad
     return (
         finding.name,
@@ -157,7 +158,7 @@ def _row(finding: Finding, um_per_px: float) -> tuple[str, ...]:
         _gate(gates.get("score")),
         _gate(spread_um) + px,
         _gate(gates.get("shift")),
-        "-" if attempt is None else _by(attempt),
+        "-" if attempt is None else ", ".join(attempt.chain) + spare,
         _looks(finding),
     )
 
@@ -272,11 +273,6 @@ def _gate(gate: GateValue | None) -> str:
     sign = ">=" if gate.least else "<="
     mark = "" if gate.passed else " NO"
     return f"{gate.value:.3g} {sign} {gate.limit:.3g}{mark}"
-
-
-def _by(attempt: Attempt) -> str:
-    """Return the routines."""
-    return ", ".join(attempt.chain) + (" (fallback)" if attempt.spare else "")
 
 
 def _looks(finding: Finding) -> str:

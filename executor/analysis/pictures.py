@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from microplan.arrays import FloatArray
@@ -43,8 +43,8 @@ class Attempt:
     feature: str
     chain: tuple[str, ...]
     spare: bool  # the fallback
-    code: str | None  # why it was refused; None: accepted
-    why: str
+    code: str | None = None  # why it was refused; None: accepted
+    why: str = ""
     shown: ShownFeature | None = None  # None: nothing was found
     gates: tuple[GateValue, ...] = ()
 
@@ -158,8 +158,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
     except ExecutorError as error:
         return Finding(name=path.name, code=error.code, why=error.message)
     image = read.image
-    whole = image.shape != (region.rows, region.columns)
-    part = cut(image, region) if whole else image
+    part = cut(image, region)
     picture = Picture(
         image=part, expected=seer.expected, believed=seer.believed, dz_um=0.0
     )
@@ -170,7 +169,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         name=path.name,
         code=code,
         why=why,
-        whole=whole,
+        whole=part is not image,
         image=image,
         hint=read.hint,
         attempts=tuple(attempts),
@@ -184,7 +183,9 @@ def find_in(seer: Viewer, path: Path) -> Finding:
 
 
 def cut(image: FloatArray, region: Region) -> FloatArray:
-    """Return a region of a whole frame, (rows, columns), 0..1."""
+    """Return the region of a picture, (rows, columns), 0..1; it may be all of it."""
+    if image.shape == (region.rows, region.columns):
+        return image
     rows = slice(region.row, region.row + region.rows)
     return image[rows, region.column : region.column + region.columns]
 
@@ -208,22 +209,17 @@ def _attempt(
 ) -> Attempt:
     """Return what one chain makes of a feature, with every gate."""
     name = measure.feature or seer.look.target
-    chain = tuple(use.id for use in uses)
+    attempt = Attempt(feature=name, chain=tuple(use.id for use in uses), spare=is_spare)
     try:
         shown = measured(seer, seer.look, measure, uses, picture)
     except ExecutorError as error:
-        return Attempt(
-            feature=name, chain=chain, spare=is_spare, code=error.code,
-            why=error.message,
-        )  # fmt: skip
+        return replace(attempt, code=error.code, why=error.message)
     gates = gates_of(
         measure, shown.score, shown.spread_um, shown.seen, picture.expected
     )
     bad = [gate for gate in gates if not gate.passed]
-    return Attempt(
-        feature=name,
-        chain=chain,
-        spare=is_spare,
+    return replace(
+        attempt,
         code=bad[0].code if bad else None,
         why="; ".join(f"{name} {gate.words}" for gate in bad),
         shown=shown,
@@ -283,5 +279,4 @@ def _reference(plan: Plan, look: Look, folder: Path) -> RegionStatistics | None:
         image = read_picture(path, plan.requirements, region).image
     except ExecutorError:
         return None
-    whole = image.shape != (region.rows, region.columns)
-    return appearance(cut(image, region) if whole else image)
+    return appearance(cut(image, region))

@@ -135,18 +135,18 @@ def _faults(data: Row) -> str:
 def _verdict(left: RunArtifacts) -> Element:
     """Return how the run ended."""
     data = left.summary
+    word, kind = "Failed", "verdict bad"
     if not data:
-        return el("p", el("span", "Not ended", class_="verdict bad"),
-                  ": the run was stopped or killed before its summary was written.",
-                  class_="lead")  # fmt: skip
-    if not data.get("code"):
-        return el("p", el("span", "Done", class_="verdict good"),
-                  ": every step and its own verification passed.",
-                  class_="lead")  # fmt: skip
-    step = text(data, "step")
-    where = f" in {step}" if step else ""
-    said = f"{where}: {text(data, 'code')}, {text(data, 'message')}"
-    return el("p", el("span", "Failed", class_="verdict bad"), said, class_="lead")
+        word = "Not ended"
+        said = ": the run was stopped or killed before its summary was written."
+    elif not data.get("code"):
+        word, kind = "Done", "verdict good"
+        said = ": every step and its own verification passed."
+    else:
+        step = text(data, "step")
+        where = f" in {step}" if step else ""
+        said = f"{where}: {text(data, 'code')}, {text(data, 'message')}"
+    return el("p", el("span", word, class_=kind), said, class_="lead")
 
 
 def _truth(verdict: Row) -> Element:
@@ -207,19 +207,19 @@ def _shares(steps: Sequence[Row]) -> Iterator[Element]:
         do="Compare several runs with microplan-run --mode compare before you "
         "change anything.",
     )
-    rows = _ratios(
-        (str(s["id"]), real(s, "error_um"), real(s, "limit_um")) for s in steps
-    )
-    if rows:
-        words = "; ".join(f"{row.label} {row.said}" for row in rows)
-        drawing = bars("Errors over their limits", words, rows, limit=1.0,
+    found = ((str(s["id"]), real(s, "error_um"), real(s, "limit_um")) for s in steps)
+    if rows := _ratios(found):
+        drawing = bars("Errors over their limits", _said(rows), rows, limit=1.0,
                        limit_name="limit", unit="of the limit")  # fmt: skip
         yield figure(caption, drawing)
 
 
-def _ratios(
-    found: Iterable[tuple[str, float | None, float | None]],
-) -> list[Bar]:
+def _said(rows: Sequence[Bar]) -> str:
+    """Return bars in words."""
+    return "; ".join(f"{row.label} {row.said}" for row in rows)
+
+
+def _ratios(found: Iterable[tuple[str, float | None, float | None]]) -> list[Bar]:
     """Return a bar for every (label, value, scale) of finite ratio."""
     return [
         Bar(label=label, pieces=((min(value / scale, _MOST_RATIO), ""),),
@@ -240,12 +240,11 @@ def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
         do="If looks are worse than promised, compare focus, light and lens with "
         "the workcell file.",
     )
-    rows = _ratios(
+    found = (
         (str(s["id"]), _looked(s, known), real(s, "expected_sigma_um")) for s in steps
     )
-    if rows:
-        words = "; ".join(f"{row.label} {row.said}" for row in rows)
-        drawing = bars("Looks against their sigma", words, rows, limit=2.45,
+    if rows := _ratios(found):
+        drawing = bars("Looks against their sigma", _said(rows), rows, limit=2.45,
                        limit_name="95 %", unit="in sigma")  # fmt: skip
         yield figure(caption, drawing)
 

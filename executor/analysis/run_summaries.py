@@ -15,6 +15,7 @@ from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER, INDEX
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.run_folder import EVENTS, PLAN, SUMMARY
+from microplan.schemas.codec import as_real
 from microplan.schemas.folders import contents
 
 _MOST_BYTES = 1 << 26  # of a file of lines
@@ -75,13 +76,7 @@ def read_left(folder: Path) -> RunArtifacts:
 
 def real(row: Row, name: str) -> float | None:
     """Return a number of a row, None if it has none of that name that is sane."""
-    value = row.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        number = float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        return None
+    number = as_real(row.get(name))
     return number if abs(number) < _MOST else None  # nan is not below either
 
 
@@ -110,10 +105,8 @@ def _object(data: bytes) -> Row:
 
 def _lines(path: Path) -> Iterator[Row]:
     """Yield the objects of a file of lines."""
-    for line in contents(path, _MOST_BYTES).splitlines():
-        found = _object(line)
-        if found:
-            yield found
+    lines = contents(path, _MOST_BYTES).splitlines()
+    yield from filter(None, map(_object, lines))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,13 +193,7 @@ _READ = ("cycles", "time_s", "error_um", "spread_um", "height_um", "limit_um",
 
 def _number(value: Any) -> bool:
     """Return whether a value is a finite number or nothing."""
-    if value is None:
-        return True
-    real = isinstance(value, int | float) and not isinstance(value, bool)
-    try:
-        return real and math.isfinite(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        return False
+    return value is None or math.isfinite(as_real(value))
 
 
 def _same(run: RunFolderSummary) -> list[object]:

@@ -265,7 +265,9 @@ def _compare(options: RunOptions, file: PlanFile) -> int:
 
 def _asking(options: RunOptions, plan: Plan) -> Asking:
     """Return the questions and messages that the operator gets."""
-    gate, seated = _gate() if options.stepwise else None, _at_terminal()
+    gate = _gate() if options.stepwise else None
+    # whether an operator at a terminal reads and answers
+    seated = all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
     return Asking(
         pause=_pause if seated else None,
         question=_question if seated else None,
@@ -318,11 +320,6 @@ def _gate() -> Callable[[str], None]:
             raise ExecutorError("MP860", "stopped by the operator before this")
 
     return wait
-
-
-def _at_terminal() -> bool:
-    """Return whether an operator at a terminal reads and answers."""
-    return all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
 
 
 def _answer() -> str:

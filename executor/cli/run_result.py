@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from microplan.executor.cli.options import RunOptions
 from microplan.executor.cli.select_station import Site
@@ -99,29 +99,8 @@ def write_summary(
     options: RunOptions, site: Site, file: PlanFile, ended: Ended
 ) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
-    try:
-        words = result_text(ended) + "\n"
-        (ended.folder / "summary.txt").write_text(
-            words, encoding="utf-8", errors=ESCAPED
-        )
-        text = summary_json(file.plan, ended.result, _extra(options, site, file, ended))
-        fresh = ended.folder / FRESH  # moved as a whole: its presence marks the end
-        fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
-        fresh.replace(ended.folder / SUMMARY)
-    except OSError as error:
-        found = ended.result
-        how = "done" if found.code is None else f"in {found.code}: {found.message}"
-        raise ExecutorError(
-            "MP863", f"the run has ended {how}; its summary: {error}"
-        ) from error
-
-
-def _extra(
-    options: RunOptions, site: Site, file: PlanFile, ended: Ended
-) -> dict[str, Any]:
-    """Return what summary.json holds besides the result."""
     verdict = ended.verdict
-    return {
+    extra = {
         "plan_sha256": file.sha256,
         "station": site.name,
         "seed": options.seed or 0,
@@ -131,3 +110,18 @@ def _extra(
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(ended.errors_um),
     }
+    try:
+        words = result_text(ended) + "\n"
+        (ended.folder / "summary.txt").write_text(
+            words, encoding="utf-8", errors=ESCAPED
+        )
+        text = summary_json(file.plan, ended.result, extra)
+        fresh = ended.folder / FRESH  # moved as a whole: its presence marks the end
+        fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
+        fresh.replace(ended.folder / SUMMARY)
+    except OSError as error:
+        found = ended.result
+        how = "done" if found.code is None else f"in {found.code}: {found.message}"
+        raise ExecutorError(
+            "MP863", f"the run has ended {how}; its summary: {error}"
+        ) from error

@@ -108,7 +108,13 @@ def _rigged(
     tag = f"_by{before + 1}" if before else ""
     frames = Frames(run.path if job.options.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
-    facts = _facts(job.file, job.site, job.artifacts, run)
+    facts = {
+        RESUMES: 0 if run.found is None else run.found.seq,
+        "plan": plan.name,
+        "plan_sha256": job.file.sha256,
+        "arrays_sha256": job.artifacts.sha256,
+        "station": job.site.name,
+    }
     with (
         _open(run.path / EVENTS, "a") as stream,
         run.write_ahead() as write_ahead,
@@ -193,19 +199,6 @@ def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
     finally:
         with suppress(OSError):  # what was not written is reported where it was lost
             stream.close()
-
-
-def _facts(
-    file: PlanFile, site: Site, artifacts: Artifacts, run: RunFolder
-) -> dict[str, Any]:
-    """Return what a record holds of its run besides the devices."""
-    return {
-        RESUMES: 0 if run.found is None else run.found.seq,
-        "plan": file.plan.name,
-        "plan_sha256": file.sha256,
-        "arrays_sha256": artifacts.sha256,
-        "station": site.name,
-    }
 
 
 def _run(rig: Rig, job: RunJob, asking: Asking) -> RunResult:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NoReturn
 
 from microplan.executor.devices.errors import ExecutorError
+from microplan.schemas.codec import as_real
 
 
 class Table:
@@ -152,7 +153,7 @@ class Table:
 
     def _number(self, name: str, value: object, least: float, above: float) -> float:
         """Return a value if it is a number in its range."""
-        number = _real(value)
+        number = as_real(value)
         if not math.isfinite(number):
             self.refuse(name, f"found {value!r}", "a finite number is needed")
         if not (number >= least and number > above):
@@ -167,13 +168,3 @@ class Table:
             self.refuse(name, found, "two numbers are needed")
         low, high = (self._number(name, v, -math.inf, -math.inf) for v in value)
         return (low, high)
-
-
-def _real(value: object) -> float:
-    """Return a value as a float, nan if it is no number or too large for one."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        return math.nan

@@ -37,17 +37,19 @@ class Moved:
             raise RuntimeError("; ".join(errors))
 
     def order(
-        self, targets: Mapping[str, float], speeds: Mapping[str, float | None]
+        self, targets: Mapping[str, float], speed_um_per_s: float | None = None
     ) -> None:
         """Check all targets, then begin to move; ValueError if one is refused.
 
+        The speed is that of lengths, none of the angle's.
         A stop that comes meanwhile ends it: what was begun is stopped.
         """
         parts = self._parts(targets)
         for drive, wanted in parts:
             drive.check(wanted)
         for drive, wanted in parts:
-            drive.pace(min_speed(speeds, wanted))
+            is_length = not wanted.keys().isdisjoint(AXES[:3])
+            drive.pace(speed_um_per_s if is_length else None)
         stops = self._stops
         for drive, wanted in parts:
             if self._stops == stops:
@@ -73,13 +75,6 @@ class Moved:
         return [part for part in parts if part[1]]
 
 
-def min_speed(
-    speeds: Mapping[str, float | None], targets: Mapping[str, float]
-) -> float | None:
-    """Return the lowest speed that is ordered for one of the targets."""
-    return min((s for n in targets if (s := speeds.get(n)) is not None), default=None)
-
-
 class MMAxes(Moved):
     """A stage or robot; an axis that no drive moves reads 0."""
 
@@ -95,10 +90,9 @@ class MMAxes(Moved):
         """Begin to go to absolute readings; see `drivers.Axes`."""
         asked = dict(zip(AXES, (x_um, y_um, z_um, theta_rad), strict=True))
         targets = {name: value for name, value in asked.items() if value is not None}
-        speeds = dict.fromkeys(AXES[:3], speed_um_per_s)  # it is none of the angle's
         if speed_um_per_s is not None and not 0 < speed_um_per_s < math.inf:
             raise ValueError(f"{self.serial}: a speed of {speed_um_per_s:g} um/s")
-        self.order(targets, speeds)
+        self.order(targets, speed_um_per_s)
 
     def reading(self) -> AxisReading:
         """Return the axes' readings."""
@@ -110,7 +104,7 @@ class MMGripper(Moved):
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
-        self.order({"opening_um": opening_um}, {})
+        self.order({"opening_um": opening_um})
 
     def reading(self) -> float:
         """Return the drive's reading of the opening, um."""
@@ -122,11 +116,11 @@ class MMLens(Moved):
 
     def start_magnification(self, magnification: float) -> None:
         """Begin to zoom."""
-        self.order({"magnification": magnification}, {})
+        self.order({"magnification": magnification})
 
     def start_focus_um(self, focus_um: float) -> None:
         """Begin to focus."""
-        self.order({"focus_um": focus_um}, {})
+        self.order({"focus_um": focus_um})
 
     def reading(self) -> tuple[float, float]:
         """Return the drives' readings of magnification and focus (um)."""

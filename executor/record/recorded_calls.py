@@ -131,7 +131,10 @@ class Tape:
             None,
         )
         if at is None:
-            raise self._beyond(name, given)
+            if self.recorded.unfinished:
+                raise self._over()
+            words = f"{call_text(name, given)}; the record has no more"
+            raise self._parted(f"command {self.used + 1}: {words}")
         row, number = rows[at], self.used + 1
         apart = difference(name, given, row)
         if isinstance(apart, str):
@@ -176,14 +179,6 @@ class Tape:
             if is_command(row["call"]):
                 return call_text(row["call"], row.get("with", {}))
         return ""
-
-    def _beyond(self, name: str, given: Mapping[str, Any]) -> ExecutorError:
-        """Return what to raise about a command after the last one of the record."""
-        if self.recorded.unfinished:
-            return self._over()
-        return self._parted(
-            f"command {self.used + 1}: {call_text(name, given)}; the record has no more"
-        )
 
     def _over(self) -> ExecutorError:
         """Note that the replay went as far as it could; return what ends it."""
@@ -280,16 +275,10 @@ def _is_row(row: Mapping[str, Any]) -> bool:
     """Return whether a line's keys are what they should be."""
     if not isinstance(row.get("ended"), str | None):
         return False
+    raised = row.get("raised")  # by the device: kind and words
     return "call" not in row or (
         isinstance(row["call"], str)
         and isinstance(row.get("n"), int)
         and isinstance(row.get("with", {}), dict)
-        and _fault_told(row.get("raised"))
+        and (raised is None or (isinstance(raised, list) and len(raised) == 2))
     )
-
-
-def _fault_told(raised: Any) -> bool:
-    """Return whether the record of what a device raised is well formed."""
-    if raised is None:
-        return True
-    return isinstance(raised, list) and len(raised) == 2

@@ -158,15 +158,9 @@ class CallRecorder:
         """Keep a frame; return its path and its hash."""
         exposed_s = _number(frame.exposed_s)
         facts = {**self._state, "exposed_s": exposed_s}
-        rows = given.get("region")
-        path = self._frames.save(frame.counts, _region(rows), facts)
-        if path is None:
-            return {"frame": None, "exposed_s": exposed_s}
-        return {
-            "frame": path,
-            "sha256": pixels_sha256(frame.counts),
-            "exposed_s": exposed_s,
-        }
+        path = self._frames.save(frame.counts, _region(given.get("region")), facts)
+        sha256 = {} if path is None else {"sha256": pixels_sha256(frame.counts)}
+        return {"frame": path, **sha256, "exposed_s": exposed_s}
 
     def _next(self) -> int:
         """Return the number of a call."""

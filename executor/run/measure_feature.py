@@ -42,9 +42,8 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
-    warm_start: WarmStart | None = (
-        None  # what a look just before found, a correction ago
-    )
+    # what a look just before found, a correction ago
+    warm_start: WarmStart | None = None
     trusted: bool = True  # whether to begin at what is expected
 
 

@@ -115,19 +115,6 @@ MOST_RAD = math.radians(8.0)  # less than half a tooth of 20 deg
 DECIMALS = 1  # of the positions that a probe goes to, um
 
 
-@dataclass(slots=True)
-class ProbeTrack:
-    """Readings of the axes and where the target was seen, (x, y) um each."""
-
-    readings: list[Point] = field(default_factory=list)
-    positions: list[Point] = field(default_factory=list)
-
-    def note(self, reading: Point, seen: TargetSighting) -> None:
-        """Add a reading and where the target was seen."""
-        self.readings.append(reading)
-        self.positions.append((seen.x_um, seen.y_um))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ProbeState:
     """State of a probe: its look, its axes, its sightings."""
@@ -137,7 +124,13 @@ class _ProbeState:
     axes: AxesName  # that carry the look's target
     sigma_um: float  # of a position per axis, the axes' landing included
     on_failure: tuple[OnFailure, ...]
-    track: ProbeTrack = field(default_factory=ProbeTrack)
+    readings: list[Point] = field(default_factory=list)  # of the axes, (x, y) um
+    positions: list[Point] = field(default_factory=list)  # where the target was seen
+
+    def note(self, reading: Point, seen: TargetSighting) -> None:
+        """Add a reading and where the target was seen."""
+        self.readings.append(reading)
+        self.positions.append((seen.x_um, seen.y_um))
 
 
 def look_probed(
@@ -186,7 +179,11 @@ def probe(
     ExecutorError
         See `look_probed`.
     """
-    job = _job(rig, look, on_failure)
+    axes = rig.beliefs.belief(look.target).carrier
+    landing_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
+    job = _ProbeState(
+        rig=rig, look=look, axes=axes, sigma_um=landing_um, on_failure=tuple(on_failure)
+    )
     sigma_um = math.sqrt(2) * job.sigma_um  # of a move, by its two ends
     reach_um = min(REACH * min(m.capture_um for m in look.measures), MOST_UM)
     step_um = min(max(LEAST_UM, WANTED * sigma_um), reach_um)
@@ -201,7 +198,7 @@ def probe(
         why = in_the_way(rig, look, _to(job.axes, position))
         if why:
             return why
-    job.track.note((x_um, y_um), seen)
+    job.note((x_um, y_um), seen)
     for position in (first, second):
         _step(job, position)
     check_directions(_measured_jacobian(job), look)
@@ -211,15 +208,6 @@ def probe(
     if seen.theta_rad is not None and steers_angle(rig, job.axes):
         _probe_turn(job, seen.theta_rad)
     return ""
-
-
-def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _ProbeState:
-    """Return what a probe works on."""
-    axes = rig.beliefs.belief(look.target).carrier
-    sigma_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
-    return _ProbeState(
-        rig=rig, look=look, axes=axes, sigma_um=sigma_um, on_failure=tuple(on_failure)
-    )
 
 
 def _inward(look: Look, seen: TargetSighting) -> Point:
@@ -236,7 +224,7 @@ def _inward(look: Look, seen: TargetSighting) -> Point:
 
 def _step(job: _ProbeState, position: Point) -> None:
     """Move, look and note; MP835 if the target is not seen there."""
-    job.track.note(position, _moved(job, _to(job.axes, position)))
+    job.note(position, _moved(job, _to(job.axes, position)))
 
 
 def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
@@ -262,7 +250,7 @@ def _judge(job: _ProbeState) -> None:
         axes=job.axes,
         matrix=found.matrix.ravel().tolist(),
         sigma=found.sigma.ravel().tolist(),
-        looks=len(job.track.positions),
+        looks=len(job.positions),
     )
     check_directions(found, job.look)
     check_scale(found, job.look)
@@ -274,7 +262,7 @@ def _measured_jacobian(job: _ProbeState) -> ImageJacobian:
     meant = IDENTITY
     if job.axes == "stage" and calibration is not None:
         meant = calibration.camera_from_stage
-    found = fit_jacobian(job.track.readings, job.track.positions, job.sigma_um)
+    found = fit_jacobian(job.readings, job.positions, job.sigma_um)
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 

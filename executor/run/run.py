@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import Phase
@@ -81,26 +81,14 @@ def _go_back(rig: Rig, moves: Sequence[AxisMove], why: ExecutorError) -> None:
         why.append("went back by the plan's retreat")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Outcome:
-    """Figures of a step's action."""
-
-    cycles: int | None = None
-    error_um: float | None = None
-    spread_um: float | None = None
-    height_um: float | None = None
-    turn_rad: float | None = None
-
-
 def run_plan(rig: Rig) -> RunResult:
     """Run every step of the rig's plan; a fault ends the run where it is.
 
     After a fault nothing moves any more: the jaws keep what they hold.
     """
     began_s = rig.worked_s()
-    results = list(
-        rig.resume_state.results
-    )  # of steps that an earlier executor finished
+    # of steps that an earlier executor finished
+    results = list(rig.resume_state.results)
     finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
         "run",
@@ -173,9 +161,9 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         rig.go_back()
         for number, move in enumerate(step.moves, start=1):
             rig.move(move, f"move {number}")
-        outcome = _act(rig, step)
+        result = _act(rig, step)
         _keep_frame(rig, step)
-        done = _step_result(rig, step, outcome, None, "", rig.worked_s() - began_s)
+        done = replace(result, time_s=rig.worked_s() - began_s)
         rig.finish(done)
         rig.journal.write("done")
         return done
@@ -185,7 +173,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         with suppress(ExecutorError):  # a full disk is reported already
             rig.journal.write("failed", code=code, why=message)
         time_s = _since_s(rig, began_s) or 0.0
-        return _step_result(rig, step, _Outcome(), code, message, time_s)
+        return replace(_planned(rig, step), code=code, message=message, time_s=time_s)
 
 
 def _since_s(rig: Rig, began_s: float | None) -> float | None:
@@ -212,8 +200,8 @@ def _keep_frame(rig: Rig, step: Step) -> None:
         rig.grab(None)
 
 
-def _act(rig: Rig, step: Step) -> _Outcome:
-    """Perform the step's own action."""
+def _act(rig: Rig, step: Step) -> StepResult:
+    """Perform the step's own action and return what it measured, its time left out."""
     action = step.action
     if step.irreversible and step.moves:  # else it was announced a moment ago
         rig.announce(f"{step.id}: {action_line(step)}")
@@ -221,7 +209,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure
             seen = look_near(rig, step.looks, look, retries, look_probed)
-            return _Outcome(spread_um=seen.spread_um)
+            return replace(_planned(rig, step), spread_um=seen.spread_um)
         case AlignAction():
             return _align(rig, step, action)
         case GraspAction():
@@ -236,21 +224,23 @@ def _act(rig: Rig, step: Step) -> _Outcome:
             rig.beliefs.release(action.target, rig.readings())
         case VerifyAction():
             found = verify(rig, action, step.looks, step.conditions.on_failure)
-            return _Outcome(
+            return replace(
+                _planned(rig, step),
                 error_um=found.offset_um,
                 height_um=found.height_um,
                 turn_rad=found.turn_rad,
             )
-    return _Outcome()
+    return _planned(rig, step)
 
 
-def _align(rig: Rig, step: Step, action: AlignAction) -> _Outcome:
+def _align(rig: Rig, step: Step, action: AlignAction) -> StepResult:
     """Align by the step's control."""
     if step.control is None:
         raise ExecutorError("MP802", f"step {step.id} aligns without a control")
     look = _look(step, action.look)
     ended = align(rig, action, look, step.control, step.conditions.on_failure)
-    return _Outcome(
+    return replace(
+        _planned(rig, step),
         cycles=ended.cycles,
         error_um=ended.error_um,
         spread_um=ended.spread_um,
@@ -265,15 +255,8 @@ def _look(step: Step, look_id: str) -> Look:
     raise ExecutorError("MP802", f"step {step.id} names no look {look_id!r}")
 
 
-def _step_result(
-    rig: Rig,
-    step: Step,
-    outcome: _Outcome,
-    code: str | None,
-    message: str,
-    time_s: float,
-) -> StepResult:
-    """Return the step's result: what happened, with what was predicted."""
+def _planned(rig: Rig, step: Step) -> StepResult:
+    """Return the step's result with what was predicted, before anything is known."""
     control, action = step.control, step.action
     limit_um = None if control is None else control.tolerance_xy_um
     if isinstance(action, VerifyAction):
@@ -281,25 +264,23 @@ def _step_result(
     return StepResult(
         id=step.id,
         verb=step.verb,
-        code=code,
-        message=message,
-        time_s=time_s,
+        code=None,
+        message="",
+        time_s=0.0,
         expected_s=rig.planned_s.get(step.id),
-        cycles=outcome.cycles,
+        cycles=None,
         expected_cycles=None if control is None else control.expected_cycles,
-        error_um=outcome.error_um,
+        error_um=None,
         limit_um=limit_um,
-        spread_um=outcome.spread_um,
+        spread_um=None,
         expected_sigma_um=_expected_sigma_um(step),
-        height_um=outcome.height_um,
-        turn_rad=outcome.turn_rad,
+        height_um=None,
     )
 
 
 def _expected_sigma_um(step: Step) -> float | None:
     """Return the standard deviation of a step's own look by the trials, um."""
     action = step.action
-    match action:
-        case LocateAction() | AlignAction() | VerifyAction():
-            return _look(step, action.look).sigma_xy_um
+    if isinstance(action, LocateAction | AlignAction | VerifyAction):
+        return _look(step, action.look).sigma_xy_um
     return None

@@ -120,9 +120,8 @@ class Rig:
 
     def moment(self, *openings_um: float) -> Moment:
         """Return beliefs and readings now; the jaws may go on to other openings."""
-        first = (
-            () if self.station.gripper is None else (self.motion.opening(self.station),)
-        )
+        has_jaws = self.station.gripper is not None
+        first = (self.motion.opening(self.station),) if has_jaws else ()
         return Moment(
             beliefs=self.beliefs,
             readings=self.readings(),

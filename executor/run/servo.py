@@ -97,7 +97,7 @@ class _Watch:
         rig: Rig,
         look: Look,
         on_failure: Sequence[OnFailure],
-        warm_start: WarmStart | None = None,
+        warm_start: WarmStart | None,
     ) -> TargetSighting:
         """Look; a target that is lost is looked for where it was seen last."""
         try:
@@ -110,7 +110,11 @@ class _Watch:
             rig.journal.write("lost", look=look.id, code=error.code, back=back)
             rig.move(back)
             seen = look_probed(rig, look, on_failure)
-        self._seen_at = _standing(rig, self._action)
+        axes = self._action.axes
+        now = rig.readings().reading(axes)
+        self._seen_at = AxisMove(
+            axes=axes, x_um=now.x_um, y_um=now.y_um, theta_rad=now.theta_rad
+        )
         return seen
 
 
@@ -147,14 +151,6 @@ def correction(
         here.y_um + gain * (goal.y_um - here.y_um),
     )
     return inverse_kinematics(action.axes, readings, here, wanted, turn_rad)
-
-
-def _standing(rig: Rig, action: AlignAction) -> AxisMove:
-    """Return the readings of the alignment's axes, as a move back to them."""
-    now = rig.readings().reading(action.axes)
-    return AxisMove(
-        axes=action.axes, x_um=now.x_um, y_um=now.y_um, theta_rad=now.theta_rad
-    )
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.contact import touch
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
-from microplan.executor.simulated.truth import AxisState
+from microplan.executor.simulated.truth import AxisState, repeatability
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
@@ -41,6 +41,9 @@ class DriveError:
         return -math.copysign(self.backlash_um / 2, distance)
 
 
+_Ends = dict[str, tuple[float, float, float]]  # by axis: command, true position, error
+
+
 @dataclass(slots=True, kw_only=True)
 class _Motion:
     """Motion in small steps, from old to new commands and true positions."""
@@ -48,8 +51,8 @@ class _Motion:
     began_s: float
     seconds: float
     count: int
-    old: dict[str, tuple[float, float, float]]  # command, true position, error
-    new: dict[str, tuple[float, float, float]]
+    old: _Ends
+    new: _Ends
     taken: int = 0
     halt: int | None = None  # the step after which nothing more happens
     shown: dict[str, float] = field(default_factory=dict)
@@ -214,12 +217,15 @@ class SimAxes:
                 meant = state.commanded[name] - away
             slack = self._drive.slack(name, meant - state.commanded[name])
             true = meant + error + slack
-            if name == "x_um" and self._backwards():
+            is_stage_x = name == "x_um" and self._name == "stage"
+            if is_stage_x and self._trouble.faults.on("reversed_axis"):
                 true = state.actual[name] - (true - state.actual[name])
             new[name] = (meant, true, error)
         if self._trouble.on("slips"):
             self._slip(old, new)
-        count = self._count(old, new)
+        # so many small steps keep every axis below its own
+        steps = (abs(new[a][0] - old[a][1]) / STEP_UM.get(a, STEP_RAD) for a in new)
+        count = math.ceil(max(steps)) + 1
         halted = self._trouble.on("stalls") or self._trouble.on("short")
         return _Motion(
             began_s=self._timeline.truth.time_s,
@@ -230,15 +236,7 @@ class SimAxes:
             halt=count // 2 if halted else None,
         )
 
-    def _backwards(self) -> bool:
-        """Return whether x truly goes in the other direction."""
-        return self._name == "stage" and self._trouble.faults.on("reversed_axis")
-
-    def _slip(
-        self,
-        old: dict[str, tuple[float, float, float]],
-        new: dict[str, tuple[float, float, float]],
-    ) -> None:
+    def _slip(self, old: _Ends, new: _Ends) -> None:
         """Take an axis along that was not ordered to move."""
         axis = next(name for name in AXES if name not in new)
         by = max(abs(new[a][0] - old[a][0]) for a in new)
@@ -248,13 +246,7 @@ class SimAxes:
 
     def _draw(self, name: str) -> float:
         """Return a new repeatability error of one axis."""
-        spec = self._state.spec
-        sigma = {
-            "x_um": spec.repeatability_xy_um,
-            "y_um": spec.repeatability_xy_um,
-            "z_um": spec.repeatability_z_um,
-            "theta_rad": spec.repeatability_theta_rad,
-        }[name]
+        sigma = repeatability(self._state.spec)[AXES.index(name)]
         return float(sigma * self._rng.standard_normal())
 
     def _seconds(
@@ -269,18 +261,6 @@ class SimAxes:
             away.get("z_um", 0.0) / (speed_um_per_s or spec.speed_z_um_per_s),
             away.get("theta_rad", 0.0) / spec.speed_theta_rad_per_s,
         )
-
-    def _count(
-        self,
-        old: Mapping[str, tuple[float, float, float]],
-        new: Mapping[str, tuple[float, float, float]],
-    ) -> int:
-        """Return how many small steps keep every axis below its step."""
-        steps = [
-            abs(new[name][0] - old[name][1]) / STEP_UM.get(name, STEP_RAD)
-            for name in new
-        ]
-        return math.ceil(max(steps)) + 1
 
     def _place(self, motion: _Motion) -> None:
         """Put the truth where it is after the steps taken."""

@@ -179,17 +179,13 @@ def offer_of(world: World) -> Offer:
 def rules_of(world: World) -> Rules:
     """Return the rules of the simulated axes."""
     return Rules(
-        stage=_settle(world.stage),
-        robot=_settle(world.robot),
+        # the workcell's dwell; the readings are the commands
+        stage=Settle(dwell_s=world.stage.settle_s),
+        robot=Settle(dwell_s=world.robot.settle_s),
         stage_datum_z_um=world.stage_datum_z_um,
         stage_speeds=_speeds(world.stage),
         robot_speeds=_speeds(world.robot),
     )
-
-
-def _settle(axes: WorldAxes) -> Settle:
-    """Return the dwell that the workcell states; the readings are the commands."""
-    return Settle(dwell_s=axes.settle_s)
 
 
 def _speeds(axes: WorldAxes) -> Speeds:

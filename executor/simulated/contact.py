@@ -235,9 +235,8 @@ def _overlap(
     to_body = truth.pose(body).inverse().compose(pose)
     there = moved(edge, to_body)
     away = np.abs(there - np.clip(there, -body.reach_um, body.reach_um)).max(axis=1)
-    if (away > 0).all() and not inside(moved(body.edge[:1], to_body.inverse()), rings)[
-        0
-    ]:
+    first = moved(body.edge[:1], to_body.inverse())
+    if (away > 0).all() and not inside(first, rings)[0]:
         return False
     if inside(there, body.rings).any():
         return True

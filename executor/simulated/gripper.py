@@ -11,7 +11,7 @@ import numpy as np
 
 from microplan.executor.simulated.contact import drop, lean, touch
 from microplan.executor.simulated.shapes import extent_x, moved
-from microplan.executor.simulated.timeline import Delayed, DeviceFaults, Timeline
+from microplan.executor.simulated.timeline import DelayedDevice, DeviceFaults, Timeline
 from microplan.executor.simulated.truth import TrueBody, Truth
 from microplan.schemas.pose import Pose
 
@@ -91,7 +91,7 @@ def _settled(truth: Truth, body: TrueBody) -> float:
 JAW_TIME_S = 0.3  # the workcell states none
 
 
-class SimGripper:
+class SimGripper(DelayedDevice):
     """Jaws; `stick` is the probability that a released part follows a finger."""
 
     def __init__(
@@ -102,15 +102,13 @@ class SimGripper:
         *,
         stick: float = 0.0,
     ) -> None:
-        self._timeline = timeline
+        super().__init__(timeline, trouble)
         self.model, self.serial = "simulated jaws", "sim-jaws"
         self._truth = timeline.truth
         self._rng = rng
-        self._trouble = trouble
         self._stick = stick
         self._commanded = self._truth.opening_um
         self._target_um = self._commanded
-        self.motion = Delayed(timeline)
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
@@ -136,17 +134,6 @@ class SimGripper:
             if self._trouble.on("nan"):
                 return math.nan
         return self._commanded
-
-    def moving(self) -> bool:
-        """Return whether the jaws are under way."""
-        return self.motion.pending()
-
-    def stop(self) -> None:
-        """Leave the jaws where they are."""
-        self._trouble.free()
-        if self.motion.pending():
-            self.motion.cancel()
-            self._timeline.changed()
 
     def state(self) -> dict[str, Any]:
         """Return the command, and the motion under way."""

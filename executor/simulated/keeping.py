@@ -23,6 +23,7 @@ from microplan.schemas.pose import Pose
 FORMAT = 1
 _DAY_S = 86400.0  # what axes, jaws and lens do takes seconds
 _LATEST_S = 1e9  # thirty years; far below where adding a poll changes nothing
+_OF_TRUTH = ("opening_um", "held", "stuck", "pushed_um", "collided")  # kept as it is
 _MOST_STEPS = 1_000_000  # a metre of steps of 1 um
 
 
@@ -98,11 +99,7 @@ def state_of(cell: Cell) -> dict[str, Any]:
             }
             for name, body in truth.bodies.items()
         },
-        "opening_um": truth.opening_um,
-        "held": truth.held,
-        "stuck": truth.stuck,
-        "pushed_um": truth.pushed_um,
-        "collided": truth.collided,
+        **{name: getattr(truth, name) for name in _OF_TRUTH},
         "devices": {name: device.state() for name, device in _devices(cell).items()},
         "draws": {k: _plain(v.bit_generator.state) for k, v in cell.draws.items()},
     }
@@ -116,9 +113,8 @@ def restore(cell: Cell, data: dict[str, Any]) -> None:
         was = data["bodies"][name]
         body.carrier, body.pose = was["carrier"], from_data(Pose, was["pose"])
         body.z_um, body.on_post = was["z_um"], was["on_post"]
-    truth.opening_um, truth.held = data["opening_um"], data["held"]
-    truth.stuck, truth.pushed_um = data["stuck"], data["pushed_um"]
-    truth.collided = data["collided"]
+    for name in _OF_TRUTH:
+        setattr(truth, name, data[name])
     for name, device in _devices(cell).items():
         device.restore(data["devices"][name])
     for name, rng in cell.draws.items():

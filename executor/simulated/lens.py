@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from microplan.executor.simulated.timeline import Delayed, DeviceFaults, Timeline
+from microplan.executor.simulated.timeline import DelayedDevice, DeviceFaults, Timeline
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 from microplan.schemas.files.world import WorldLens
 
@@ -18,7 +18,7 @@ _MOST_SINE = 0.999  # of the marginal ray
 LIMIT_DIGITS = 1e-5  # relative: a plan's numbers carry six digits
 
 
-class SimLens:
+class SimLens(DelayedDevice):
     """Zoom and focus: each move lands a little elsewhere; faults begin with `lens_`."""
 
     def __init__(
@@ -29,13 +29,11 @@ class SimLens:
         errors: LensErrors,
         trouble: DeviceFaults,
     ) -> None:
-        self._timeline = timeline
+        super().__init__(timeline, trouble)
         self.model, self.serial = "simulated lens", "sim-lens"
         self._optics = timeline.truth.world.optics
         self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
-        self._trouble = trouble
-        self.motion = Delayed(timeline)
         self.errors = errors
         self.magnification = self._optics.magnification[0]
         self.focus_um = 0.0
@@ -70,17 +68,6 @@ class SimLens:
             if self._trouble.on("nan"):
                 return (math.nan, self._commanded[1])
         return self._commanded
-
-    def moving(self) -> bool:
-        """Return whether zoom or focus are under way."""
-        return self.motion.pending()
-
-    def stop(self) -> None:
-        """Leave zoom and focus where they are."""
-        self._trouble.free()
-        if self.motion.pending():
-            self.motion.cancel()
-            self._timeline.changed()
 
     def state(self) -> dict[str, Any]:
         """Return commands, what they came to, and the motion under way."""

@@ -131,6 +131,25 @@ class DeviceFaults:
         self._freed.set()
 
 
+class DelayedDevice:
+    """A device whose orders come true after a delay, and whose faults can hang it."""
+
+    def __init__(self, timeline: Timeline, trouble: DeviceFaults) -> None:
+        self._timeline, self._trouble = timeline, trouble
+        self.motion = Delayed(timeline)
+
+    def moving(self) -> bool:
+        """Return whether an order is under way."""
+        return self.motion.pending()
+
+    def stop(self) -> None:
+        """Drop the order that is under way, and end a hang."""
+        self._trouble.free()
+        if self.motion.pending():
+            self.motion.cancel()
+            self._timeline.changed()
+
+
 class SimClock:
     """The cell's own time."""
 

@@ -50,33 +50,27 @@ def made_truth(
         tilt=(float(tilt[0]), float(tilt[1])),
         drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
     )
-    _add_fingers(truth)
+    if truth.tool is not None:
+        truth.fingers = (outline_of(truth.tool.left), outline_of(truth.tool.right))
+        truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
+        truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
+        truth.opening_um = truth.tool.start_opening_um
     return truth
 
 
 def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
     """Return an axis group at its start, with a first landing error."""
     start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
-    x, y, z, theta = rng.standard_normal(4)
-    error = {
-        "x_um": spec.repeatability_xy_um * x,
-        "y_um": spec.repeatability_xy_um * y,
-        "z_um": spec.repeatability_z_um * z,
-        "theta_rad": spec.repeatability_theta_rad * theta,
-    }
+    draws = zip(AXES, repeatability(spec), rng.standard_normal(4), strict=True)
+    error = {name: sigma * draw for name, sigma, draw in draws}
     actual = {k: v + error[k] for k, v in start.items()}
     return AxisState(spec=spec, commanded=start, error=error, actual=actual)
 
 
-def _add_fingers(truth: Truth) -> None:
-    """Give the truth its fingers, if there is a tool."""
-    tool = truth.tool
-    if tool is None:
-        return
-    truth.fingers = (outline_of(tool.left), outline_of(tool.right))
-    truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
-    truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
-    truth.opening_um = tool.start_opening_um
+def repeatability(spec: WorldAxes) -> tuple[float, float, float, float]:
+    """Return the standard deviation of landing of x, y, z (um) and theta (rad)."""
+    xy_um, z_um = spec.repeatability_xy_um, spec.repeatability_z_um
+    return (xy_um, xy_um, z_um, spec.repeatability_theta_rad)
 
 
 def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:

@@ -159,7 +159,7 @@ def _dataclass(kind: type, defs: dict[str, Rule]) -> Rule:
             "required": [f.name for f in fields if f.default is dataclasses.MISSING],
             "additionalProperties": False,
         }
-    return _reference(kind)
+    return {"$ref": f"#/$defs/{kind.__name__}"}
 
 
 def _default(field: dataclasses.Field[Any]) -> Rule:
@@ -172,10 +172,6 @@ def _default(field: dataclasses.Field[Any]) -> Rule:
 def in_json(note: str) -> str:
     """Return what a comment says, in the words of JSON."""
     return re.sub(r"\bNone\b", "null", note).replace("()", "[]")
-
-
-def _reference(kind: type) -> Rule:
-    return {"$ref": f"#/$defs/{kind.__name__}"}
 
 
 def field_notes(kind: type) -> Mapping[str, str]:
@@ -194,9 +190,9 @@ def field_notes(kind: type) -> Mapping[str, str]:
     (body,) = ast.parse(source).body
     found = {}
     for field in ast.walk(body):
-        if not isinstance(field, ast.AnnAssign) or not isinstance(
-            field.target, ast.Name
-        ):
+        if not isinstance(field, ast.AnnAssign):
+            continue
+        if not isinstance(field.target, ast.Name):
             continue
         last = field.end_lineno or field.lineno
         beside = [comments[n] for n in range(field.lineno, last + 1) if n in comments]

@@ -59,7 +59,8 @@ def spans(plan: Plan, world: World | None) -> list[StepTimes]:
     for step in plan.steps:
         span = _looks(step)
         own = [_move_s(world, now, move) for move in step.moves]
-        acts = [_move_s(world, now, move) for move in _of_action(step)]
+        inserts = step.action.moves if isinstance(step.action, InsertAction) else ()
+        acts = [_move_s(world, now, move) for move in inserts]
         if step.control is not None:
             lacks = span.lacks if None in own else ()  # the control counts its looks
             servo_s = _servo_s(step.control, own, span.total_s)
@@ -158,10 +159,6 @@ def _added(span: StepTimes, what: str, time_s: float) -> StepTimes:
     if what.startswith("exposure"):
         return replace(span, frames_s=span.frames_s + time_s)
     return replace(span, axes_s=span.axes_s + time_s)
-
-
-def _of_action(step: Step) -> tuple[AxisMove, ...]:
-    return step.action.moves if isinstance(step.action, InsertAction) else ()
 
 
 def _reading(move: AxisMove | None) -> dict[str, float | None]:

@@ -23,9 +23,8 @@ class Score:
     reason: str  # why it was chosen, kept as fallback, or rejected
     sigma_upper_um: float | None = None  # of the larger axis, one-sided 95 %
     ratio_to_limit: float | None = None  # rms, bias included, over `limit_xy_um`
-    worst_trial: int | None = (
-        None  # of the answers; `microplan render --trial` shows it
-    )
+    # of the answers; `microplan render --trial` shows it
+    worst_trial: int | None = None
     median_trial: int | None = None  # of the answers
     first_failing_trial: int | None = None  # aloud or silently
 
