@@ -22,12 +22,12 @@ from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.run.focus_sweep import Height, height_by_sweep
-from microplan.executor.run.measure_target import TargetSighting, to_unit
+from microplan.executor.run.focus_sweep import Height, height_by_pair, height_by_sweep
+from microplan.executor.run.measure_target import TargetSighting
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.routines.contract import Artifact, Failure, Guess
+from microplan.featuresel.routines.contract import Artifact
 from microplan.featuresel.routines.likelihood import defocus_pair
 from microplan.schemas.plan import HeightSearch, Look, Region
 from microplan.schemas.pose import Pose
@@ -110,56 +110,6 @@ def _height(way: str, rig: Rig, look: Look, part: TargetSighting) -> Height:
         rig, look, part, fit, expected_um=first.z_um, offset_um=PAIR_UM
     )
     return replace(second, seconds=first.seconds + second.seconds)
-
-
-def height_by_pair(
-    rig: Rig,
-    look: Look,
-    part: TargetSighting,
-    artifact: Artifact,
-    *,
-    expected_um: float,
-    offset_um: float,
-) -> Height:
-    """Return the height from one picture below and one above the expected focus.
-
-    Parameters
-    ----------
-    artifact : Artifact
-        By `microplan.featuresel.routines.likelihood.defocus_pair.prepare` for this
-        look, at `offset_um`.
-    expected_um : float
-        World height of the face, nominally; where the artifact's focus is 0.
-    offset_um : float
-        Half the distance of the two pictures' focus.
-
-    Raises
-    ------
-    ExecutorError
-        MP853 if the pictures give no height.
-    """
-    began_s, offsets = rig.station.clock.now_s(), (-offset_um, offset_um)
-    images = []
-    for offset in offsets:
-        rig.set_view(look.view, focus_um=expected_um + offset)
-        counts = rig.grab(look.measure.region, keep=False)
-        images.append(to_unit(counts, rig.plan.requirements.bits))
-    seconds = rig.station.clock.now_s() - began_s
-    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
-    guess = Guess(column=column, row=row, theta_rad=part.theta_rad)
-    found = defocus_pair.measure(images, offsets, artifact, guess)
-    if isinstance(found, Failure):
-        raise ExecutorError(
-            "MP853",
-            f"{part.target}: no height from a pair ({found.code}): {found.message}",
-            cause=found.code,
-        )
-    if found.z_um is None or found.spread_z_um is None:
-        raise ExecutorError("MP853", f"{part.target}: the pair tells no height")
-    # the fit gives the height of the focus above the face
-    return Height(
-        z_um=expected_um - found.z_um, sigma_um=found.spread_z_um, seconds=seconds
-    )
 
 
 def _rig(cell: Cell) -> Rig:

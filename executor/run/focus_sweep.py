@@ -1,4 +1,4 @@
-"""Height of a face by a sweep of the focus, with its curve."""
+"""Height of a face by focus: a sweep with its curve, or a pair of pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.run.measure_target import TargetSighting, to_unit
 from microplan.executor.run.run_context import Rig
-from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess
 from microplan.schemas.plan import HeightSearch, Look
 
 # Half width of the scored ring over its radius: wide enough for the edge's blur some
@@ -30,7 +30,7 @@ class SharpnessCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Height:
-    """The height of a face, and how it is known; `curve` is None without a sweep."""
+    """The height of a face, and how it is known; `curve` is None for a pair."""
 
     z_um: float
     sigma_um: float
@@ -90,6 +90,58 @@ def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
         )
     return Height(
         z_um=found.z_um, sigma_um=found.sigma_um, seconds=seconds, curve=curve
+    )
+
+
+def height_by_pair(
+    rig: Rig,
+    look: Look,
+    part: TargetSighting,
+    artifact: Artifact,
+    *,
+    expected_um: float,
+    offset_um: float,
+) -> Height:
+    """Return the height from one picture below and one above the expected focus.
+
+    Parameters
+    ----------
+    artifact : Artifact
+        By `microplan.featuresel.routines.likelihood.defocus_pair.prepare` for this
+        look, at `offset_um`.
+    expected_um : float
+        World height of the face, nominally; where the artifact's focus is 0.
+    offset_um : float
+        Half the distance of the two pictures' focus.
+
+    Raises
+    ------
+    ExecutorError
+        MP853 if the pictures give no height.
+    """
+    from microplan.featuresel.routines.likelihood import defocus_pair
+
+    began_s, offsets = rig.station.clock.now_s(), (-offset_um, offset_um)
+    images = []
+    for offset in offsets:
+        rig.set_view(look.view, focus_um=expected_um + offset)
+        counts = rig.grab(look.measure.region, keep=False)
+        images.append(to_unit(counts, rig.plan.requirements.bits))
+    seconds = rig.station.clock.now_s() - began_s
+    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
+    guess = Guess(column=column, row=row, theta_rad=part.theta_rad)
+    found = defocus_pair.measure(images, offsets, artifact, guess)
+    if isinstance(found, Failure):
+        raise ExecutorError(
+            "MP853",
+            f"{part.target}: no height from a pair ({found.code}): {found.message}",
+            cause=found.code,
+        )
+    if found.z_um is None or found.spread_z_um is None:
+        raise ExecutorError("MP853", f"{part.target}: the pair tells no height")
+    # the fit gives the height of the focus above the face
+    return Height(
+        z_um=expected_um - found.z_um, sigma_um=found.spread_z_um, seconds=seconds
     )
 
 
