@@ -285,16 +285,11 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
         else held.sigma_z_um
     )
     prisms = [(name, part.outline, low, part.thickness_um, part.reflectance)]
-    for post in part.posts.values():
-        prisms.append(
-            (
-                f"{name}.{post.name}",
-                post.outline,
-                low + part.thickness_um,
-                post.height_um,
-                post.reflectance,
-            )
-        )
+    foot = low + part.thickness_um
+    prisms += [
+        (f"{name}.{post.name}", post.outline, foot, post.height_um, post.reflectance)
+        for post in part.posts.values()
+    ]
     return [
         Body(
             name=body,

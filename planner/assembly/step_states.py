@@ -98,13 +98,10 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
 
 def _unfold_step(task: Task, state: State, step: TaskStep, report: Report) -> StepState:
     """Return the states of one possible step."""
-    moves = (
-        step.move if step.verb == "insert" else (*_view(task, state, step), *step.move)
-    )
+    moves = () if step.verb == "insert" else (*_view(task, state, step), *step.move)
     placed = state
     for move in moves:
-        if step.verb != "insert":
-            placed = apply_move(task, placed, move, step, report)
+        placed = apply_move(task, placed, move, step, report)
     path: tuple[str, ...] = ()
     at_look = placed
     if step.verb == "align":
@@ -113,7 +110,7 @@ def _unfold_step(task: Task, state: State, step: TaskStep, report: Report) -> St
     after = at_look if act is None else act(task, at_look, step, report)
     return StepState(
         step=step,
-        moves=() if step.verb == "insert" else moves,
+        moves=moves,
         before=state,
         at_look=at_look,
         after=after,

@@ -33,10 +33,7 @@ _GITHUB: Mapping[Severity, str] = {
     "error": "error", "infeasible": "error", "different": "error",
     "warning": "warning", "note": "notice",
 }  # fmt: skip
-_SARIF: Mapping[Severity, str] = {
-    "error": "error", "infeasible": "error", "different": "error",
-    "warning": "warning", "note": "note",
-}  # fmt: skip
+_SARIF: Mapping[Severity, str] = {**_GITHUB, "note": "note"}
 _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 

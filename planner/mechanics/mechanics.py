@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from microplan.planner.assembly.step_states import StepState
 from microplan.schemas.plan import Budget, EffectRow
 from microplan.schemas.plan.verdicts import (
     FitVerdict,
-    Force,
     GraspVerdict,
     ReleaseVerdict,
 )
@@ -106,15 +103,11 @@ def _adhesion_rows(release: ReleaseVerdict) -> list[EffectRow]:
     """Return every force between part and finger, and what it lies on."""
     rows = [_row("weight", "volume x density", release.weight_un[1], UN, "outline")]
     for side, found in (("finger", release.finger), ("below", release.holding)):
-        rows += _forces(side, found)
+        rows += [
+            _row(f"{force.name}, {side}", INTERVAL, force.most_un, UN, force.validity)
+            for force in found
+        ]
     return rows
-
-
-def _forces(side: str, found: Sequence[Force]) -> list[EffectRow]:
-    return [
-        _row(f"{force.name}, {side}", INTERVAL, force.most_un, UN, force.validity)
-        for force in found
-    ]
 
 
 def _row(
