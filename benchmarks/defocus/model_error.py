@@ -6,13 +6,7 @@ import math
 
 import numpy as np
 
-from benchmarks.defocus.model_error_table import (
-    BOUND,
-    PIXEL,
-    STEEPNESS,
-    WAVES,
-    Table,
-)
+from benchmarks.defocus.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES, Table
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import TABLE_ERROR, find_model
 

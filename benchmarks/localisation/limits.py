@@ -7,11 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
-from benchmarks.localisation.depth_of_field import (
-    depth_of_field,
-    limit_curve,
-    prices,
-)
+from benchmarks.localisation.depth_of_field import depth_of_field, limit_curve, prices
 from benchmarks.localisation.informative import informative
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit

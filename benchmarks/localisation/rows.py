@@ -15,13 +15,7 @@ import cv2
 import numpy as np
 
 from benchmarks.localisation.points import HEIGHTS_UM
-from benchmarks.localisation.scenes import (
-    ACROSS,
-    SCENES,
-    Drawn,
-    disturbed,
-    draws,
-)
+from benchmarks.localisation.scenes import ACROSS, SCENES, Drawn, disturbed, draws
 from benchmarks.localisation.trials import (
     SEED,
     TOLERANCE_RAD,

@@ -10,13 +10,7 @@ import numpy as np
 from scipy import fft
 
 from benchmarks.localisation.scenes import draws, gear
-from benchmarks.localisation.trials import (
-    NEAR_PX,
-    SEED,
-    near,
-    prepared,
-    timed,
-)
+from benchmarks.localisation.trials import NEAR_PX, SEED, near, prepared, timed
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.chain import measure_chain

@@ -17,13 +17,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from benchmarks.localisation.scenes import (
-    SCENES,
-    Drawn,
-    disturbed,
-    draws,
-    free_names,
-)
+from benchmarks.localisation.scenes import SCENES, Drawn, disturbed, draws, free_names
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher

@@ -13,10 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from microplan.arrays import BoolArray, FloatArray
-from microplan.featuresel.limits.information import (
-    Information,
-    limit,
-)
+from microplan.featuresel.limits.information import Information, limit
 from microplan.featuresel.look.nominal import displacement_changes
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import Sensitivities, sensitivities

@@ -26,11 +26,6 @@ class Resting:
     # of its centre of area within the edges that it may tip over; < 0: beyond them
     inside_um: float
 
-    @property
-    def balanced(self) -> bool:
-        """Return whether its weight is carried."""
-        return self.inside_um > 0
-
 
 def resting(task: Task, state: State, name: str) -> Resting:
     """Return the support of a part that is released in `state`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import fields
 from typing import TypeVar
 
@@ -10,10 +11,10 @@ import numpy as np
 import shapely
 
 from microplan.arrays import FloatArray
-from microplan.optics.outline.outline import Outline, Segment
+from microplan.optics.outline.outline import Edge, Outline, Segment
 from microplan.planner.assembly.assembly import Axis4, Carrier, State
 from microplan.planner.assembly.shapes import CHORD_UM, hull, squeeze_minima_rad
-from microplan.planner.task.task import Part, Task
+from microplan.planner.task.task import Part, Reading, Task
 from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.files.world import (
     World,
@@ -41,20 +42,7 @@ _PARALLEL = 1e-12  # of the lengths' product: edges whose neighbours never meet
 def part_solids(task: Task) -> tuple[Solid, ...]:
     """Return every part's plate and posts, by name."""
     return tuple(
-        Solid(
-            name=part.name,
-            prisms=(
-                _prism(part.outline, 0.0, part.thickness_um),
-                *(
-                    _prism(
-                        post.outline,
-                        part.thickness_um,
-                        part.thickness_um + post.height_um,
-                    )
-                    for post in part.posts.values()
-                ),
-            ),
-        )
+        Solid(name=part.name, prisms=tuple(_prisms(part)))
         for _, part in sorted(task.parts.items())
     )
 
@@ -129,6 +117,14 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return crossed
 
 
+def _prisms(part: Part) -> Iterator[Prism]:
+    """Yield the prism of a part's plate, then those of its posts."""
+    foot_um = part.thickness_um
+    yield _prism(part.outline, 0.0, foot_um)
+    for post in part.posts.values():
+        yield _prism(post.outline, foot_um, foot_um + post.height_um)
+
+
 def _prism(outline: Outline, low_um: float, high_um: float) -> Prism:
     """Return the prism around an outline; chords are put outside their arcs."""
     around = hull(outline).buffer(CHORD_UM, join_style="mitre")
@@ -168,23 +164,17 @@ def world_outline(outline: Outline) -> WorldOutline:
     """Return an outline as plain numbers, arcs kept."""
     return WorldOutline(
         rings=tuple(
-            WorldRing(
-                layer=ring.layer,
-                edges=tuple(
-                    (*edge.start, *edge.end)
-                    if isinstance(edge, Segment)
-                    else (
-                        *edge.center,
-                        edge.radius_um,
-                        edge.start_rad,
-                        edge.sweep_rad,
-                    )
-                    for edge in ring.edges
-                ),
-            )
+            WorldRing(layer=ring.layer, edges=tuple(map(_numbers, ring.edges)))
             for ring in outline.rings
         )
     )
+
+
+def _numbers(edge: Edge) -> tuple[float, ...]:
+    """Return an edge as plain numbers: two ends, or centre, radius, start, sweep."""
+    if isinstance(edge, Segment):
+        return (*edge.start, *edge.end)
+    return (*edge.center, edge.radius_um, edge.start_rad, edge.sweep_rad)
 
 
 def _of(kind: type[T], *sources: object, **given: object) -> T:
@@ -236,9 +226,18 @@ def _tool(tool: Tool, opening_um: float) -> WorldTool:
     )
 
 
-def axis_move(name: Carrier, axes: Axis4) -> AxisMove:
-    """Return the readings of one axis group as a plan has them."""
-    return _of(AxisMove, axes, axes=name)
+def axis_move(
+    axes: Carrier, to: Axis4 | Reading, speed_um_per_s: float | None = None
+) -> AxisMove:
+    """Return the move of one group of axes to a reading, as the plan has it."""
+    return AxisMove(
+        axes=axes,
+        x_um=to.x_um,
+        y_um=to.y_um,
+        z_um=to.z_um,
+        theta_rad=to.theta_rad,
+        speed_um_per_s=speed_um_per_s,
+    )
 
 
 def _axes(name: Carrier, axes: AxesSpec, start: Axis4) -> WorldAxes:

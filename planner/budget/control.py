@@ -9,11 +9,7 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import gain_of, moved_by, residual_of
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.insert_budget import insert_s, travel_of
-from microplan.planner.budget.methods import (
-    GIVE_UP,
-    AngleCorrection,
-    angle_correction,
-)
+from microplan.planner.budget.methods import GIVE_UP, AngleCorrection, angle_correction
 from microplan.planner.budget.probability.fit_probability import (
     LEAST_SIGMAS,
     Residual,

@@ -7,11 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from microplan.arrays import Point
-from microplan.planner.assembly.assembly import (
-    Carrier,
-    axes_of,
-    owner_of,
-)
+from microplan.planner.assembly.assembly import Carrier, axes_of, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.alignment_residual import (

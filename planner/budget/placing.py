@@ -19,10 +19,7 @@ from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
-from microplan.schemas.plan.verdicts import (
-    PlacingVerdict,
-    YieldCurve,
-)
+from microplan.schemas.plan.verdicts import PlacingVerdict, YieldCurve
 
 NOT_MODELLED = (
     ("sideways shift as the jaws open", "not modelled: no force has a known size"),

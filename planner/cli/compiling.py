@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from microplan.planner.cli.answering import (
     BAD_INPUT,
     answer,
+    asked_for,
     refuse,
     tell_progress,
 )
@@ -20,7 +21,6 @@ from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import tell
 
 if TYPE_CHECKING:
-    from microplan.planner.plan.options import Options
     from microplan.planner.store.folder import PlanBytes
 
 
@@ -65,6 +65,7 @@ def _compiled(
 ) -> tuple[PlanBytes, Path] | None:
     """Return what a task compiles to and where it was written, None if at fault."""
     from microplan.planner.plan.cached_compile import compile_file
+    from microplan.planner.plan.options import Options
     from microplan.planner.store.folder import check_folder, write_folder
     from microplan.planner.store.store import Store, place
 
@@ -77,7 +78,8 @@ def _compiled(
             (check_golden if call.update else read_plan)(call.golden)
 
     store = None if call.no_cache else Store(call.cache or place())
-    files = compile_file(call.task, report, _options(call), store, ready)
+    options = asked_for(Options, call, progress=_tell_step)
+    files = compile_file(call.task, report, options, store, ready)
     if files is None:
         return None
     folder = call.out or _beside(call.task, files.name)
@@ -94,18 +96,6 @@ def _with_findings(made: PlanBytes, report: Report, folder: Path) -> PlanBytes:
     here = json.dumps(f"{folder}/", ensure_ascii=False).strip('"')
     data = text.replace(here, "").encode()
     return replace(made, files={**made.files, FINDINGS: data})
-
-
-def _options(call: argparse.Namespace) -> Options:
-    """Return what the user asks of the compiler."""
-    from microplan.planner.plan.options import Options
-
-    return Options(
-        preset=call.preset,
-        max_image_error=call.max_image_error,
-        jobs=call.jobs,
-        progress=_tell_step,
-    )
 
 
 def _tell_step(done: int, count: int, step: str) -> None:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from microplan.planner.cli.answering import answered, asked_for, tell_progress
 from microplan.planner.source.diagnostics import Report
-
-if TYPE_CHECKING:
-    from microplan.planner.task.task import Task
 
 
 @answered
@@ -53,30 +49,15 @@ def tradeoff(call: argparse.Namespace, report: Report) -> str:
     task = load_task(call.task, report)
     if task is None:
         return ""
+    out = call.out or Path(call.task).parent / f"{task.name}.tradeoff"
     if call.vary is None:
-        return _tradeoff_of_images(call, task, report)
-    return _tradeoff_of_task(call, task)
+        from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
 
-
-def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) -> str:
-    """Render the images of steps in several ways."""
-    from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
-
-    asked = asked_for(TradeoffCall, call, out=_tradeoff_folder(call, task))
-    return write_tradeoff(task, asked, report, _progress)
-
-
-def _tradeoff_of_task(call: argparse.Namespace, task: Task) -> str:
-    """Compile a whole task in several ways."""
+        asked = asked_for(TradeoffCall, call, out=out)
+        return write_tradeoff(task, asked, report, _progress)
     from microplan.planner.tradeoff.task_tradeoff import TaskCall, write_task_tradeoff
 
-    asked = asked_for(TaskCall, call, out=_tradeoff_folder(call, task))
-    return write_task_tradeoff(task, asked, _progress)
-
-
-def _tradeoff_folder(call: argparse.Namespace, task: Task) -> Path:
-    """Return where the comparison is written."""
-    return call.out or Path(call.task).parent / f"{task.name}.tradeoff"
+    return write_task_tradeoff(task, asked_for(TaskCall, call, out=out), _progress)
 
 
 def _progress(step: str) -> None:

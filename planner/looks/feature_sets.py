@@ -25,10 +25,7 @@ from microplan.planner.looks.evaluation import (
     FeatureRanking,
     TestedFeature,
 )
-from microplan.planner.looks.feature_evaluation import (
-    evaluate_features,
-    target_alone,
-)
+from microplan.planner.looks.feature_evaluation import evaluate_features, target_alone
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.scenario import MOST_TOGETHER
 from microplan.planner.task.presets import Effort

@@ -191,11 +191,8 @@ def measured(
     ValueError
         If no chain was chosen.
     """
-    case, chosen, context = (
-        tried.case,
-        tried.comparison.selection.chosen,
-        problem.context,
-    )
+    case, context = tried.case, problem.context
+    chosen = tried.comparison.selection.chosen
     if chosen is None:
         raise ValueError("no chain was chosen")
     seed = problem.task.seed
@@ -253,12 +250,8 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
 
 def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     """Return the look as `plan.json` has it."""
-    task, request, shape, found = (
-        problem.task,
-        problem.request,
-        problem.shape,
-        decided.found,
-    )
+    task, request = problem.task, problem.request
+    shape, found = problem.shape, decided.found
     tried, case = decided.tried, decided.tried.case
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from microplan.planner.assembly.step_states import StepState
 from microplan.schemas.plan import Budget, EffectRow
-from microplan.schemas.plan.verdicts import (
-    FitVerdict,
-    GraspVerdict,
-    ReleaseVerdict,
-)
+from microplan.schemas.plan.verdicts import FitVerdict, GraspVerdict, ReleaseVerdict
 
 UN, RAD, UM = "uN", "rad", "um"
 LEFT_OUT = "not modelled"

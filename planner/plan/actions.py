@@ -7,15 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from microplan.planner.assembly.assembly import (
-    Axis4,
-    Carrier,
-    locate_place,
-    owner_of,
-)
+from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.world import axis_move
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.task.task import Reading, Task, TaskStep
+from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas import plan as p
 
 # A height sweep reaches this many limits to either side of the expected height.
@@ -106,18 +102,4 @@ def _height_search(
         within_um=within_um,
         focus_um=tuple(float(z) for z in stops),
         ring_radius_um=parameters.get("outer_um", parameters.get("radius_um", 0.0)),
-    )
-
-
-def axis_move(
-    axes: Carrier, to: Axis4 | Reading, speed_um_per_s: float | None = None
-) -> p.AxisMove:
-    """Return the move of one group of axes to a reading, as the plan has it."""
-    return p.AxisMove(
-        axes=axes,
-        x_um=to.x_um,
-        y_um=to.y_um,
-        z_um=to.z_um,
-        theta_rad=to.theta_rad,
-        speed_um_per_s=speed_um_per_s,
     )

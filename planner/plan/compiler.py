@@ -15,11 +15,15 @@ from importlib.metadata import version
 
 from microplan.planner.assembly.assembly import State, initial
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.assembly.world import build_world, finger_solids, part_solids
+from microplan.planner.assembly.world import (
+    axis_move,
+    build_world,
+    finger_solids,
+    part_solids,
+)
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
-from microplan.planner.plan.actions import axis_move
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.world import axis_move
 from microplan.planner.budget.allowable_errors import admissible_errors
 from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.measurement_history import MeasurementHistory, remember
@@ -20,7 +21,7 @@ from microplan.planner.looks.coarse_to_fine import waits_between
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.mechanics.mechanics import mechanical_rows
-from microplan.planner.plan.actions import action_of, axis_move
+from microplan.planner.plan.actions import action_of
 from microplan.planner.plan.requirements import conditions_of
 from microplan.planner.plan.speculation import Ahead
 from microplan.planner.source.diagnostics import Report

@@ -220,12 +220,9 @@ def trial_pictures(folder: ReportedPlan, look: Look) -> Iterator[Element]:
     evidence = folder.evidence.get(look.id)
     if evidence is None:
         return
-    ends = [
-        s for s in evidence.shown if s.what != "worst" and s.image in folder.pictures
-    ]
-    worst = [
-        s for s in evidence.shown if s.what == "worst" and s.image in folder.pictures
-    ]
+    kept = [shown for shown in evidence.shown if shown.image in folder.pictures]
+    ends = [shown for shown in kept if shown.what != "worst"]
+    worst = [shown for shown in kept if shown.what == "worst"]
     if ends:
         yield figure(
             Caption(

@@ -97,14 +97,3 @@ def _number(value: float | None, form: str) -> str:
 
 def _chance(value: float | None) -> str:
     return "-" if value is None else chance(value)
-
-
-def _cell(value: object) -> object:
-    """Return a value as a cell: six digits, yes and no as 1 and 0."""
-    if isinstance(value, bool):
-        return int(value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple):
-        return "; ".join(value)
-    return value  # None is an empty cell

@@ -45,29 +45,9 @@ def views(
     """
     cell = task.workcell
     shape = shape_of(task, request.state, request.target)
-    if shape is None:
-        report.refuse(
-            "MP502",
-            request.where,
-            f"no routine finds {request.target}",
-            "target its part, or a feature of kind circle, teeth or outline",
-        )
-        return ()
-    if _is_avoided(task, request.target):
-        report.refuse(
-            "MP502",
-            request.where,
-            f"{request.target} is marked 'avoid': it is never looked for",
-            "target its part or another feature, or leave 'avoid' out",
-        )
-        return ()
-    if request.needs_angle_rad is not None and not _tells_angle(task, shape):
-        report.refuse(
-            "MP502",
-            request.where,
-            f"no routine measures the angle of {request.target}",
-            "target something with an angle, or ask for none",
-        )
+    fault, hint = _fault(task, request, shape)
+    if shape is None or fault:
+        report.refuse("MP502", request.where, fault, hint)
         return ()
     target_at = target_pose(task, request, shape)
     focus = focus_for(cell, target_at, report, request.where)
@@ -85,6 +65,20 @@ def views(
         widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
         _report_shade(task, request, shape, target_at, widest, report)
     return tuple(found)
+
+
+def _fault(task: Task, request: Request, shape: TargetShape | None) -> tuple[str, str]:
+    """Return why no routine can measure a target, and what helps; "" if one can."""
+    if shape is None:
+        hint = "target its part, or a feature of kind circle, teeth or outline"
+        return f"no routine finds {request.target}", hint
+    if _is_avoided(task, request.target):
+        hint = "target its part or another feature, or leave 'avoid' out"
+        return f"{request.target} is marked 'avoid': it is never looked for", hint
+    if request.needs_angle_rad is not None and not _tells_angle(task, shape):
+        hint = "target something with an angle, or ask for none"
+        return f"no routine measures the angle of {request.target}", hint
+    return "", ""
 
 
 def zooms_of(task: Task, request: Request) -> ZoomRange:
@@ -270,14 +264,12 @@ def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
     x_um, y_um = place.pose.apply(*shape.center_um)
     face = locate_place(task, request.state, request.target).z_um
     swing_um = min(place.sigma_theta_rad, 1.0) * math.dist(shape.center_um, about_um)
-    return Place(
+    return replace(
+        place,
         name=shape.name,
-        owner=place.owner,
-        carrier=place.carrier,
         pose=Pose(x_um=x_um, y_um=y_um, theta_rad=place.pose.theta_rad),
         z_um=face,
         sigma_xy_um=math.hypot(place.sigma_xy_um, swing_um),
-        sigma_theta_rad=place.sigma_theta_rad,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from microplan.planner.drawings.gds.records import (
@@ -280,10 +280,10 @@ def _array(
         message = f"AREF in cell '{cell}' has {columns} columns and {rows} rows"
         raise GdsError("MP230", one.offset, message)
     x, y = one.origin
-    return StructureReference(
-        name=one.name, offset=one.offset, origin=one.origin,
-        columns=columns, rows=rows,
+    return replace(
+        one,
+        columns=columns,
+        rows=rows,
         column_step=((xy[2] - x) / columns, (xy[3] - y) / columns),
         row_step=((xy[4] - x) / rows, (xy[5] - y) / rows),
-        mirrored=one.mirrored, mag=one.mag, angle_deg=one.angle_deg,
-    )  # fmt: skip
+    )

@@ -39,14 +39,7 @@ from microplan.schemas.plan import (
 )
 from microplan.schemas.pose import Pose
 from tests.executor.bench import measure
-from tests.executor.disc import (
-    CENTER,
-    REGION,
-    SIDE,
-    PictureCamera,
-    quiet_cell,
-    rig_of,
-)
+from tests.executor.disc import CENTER, REGION, SIDE, PictureCamera, quiet_cell, rig_of
 from tests.executor.disc import look as disc_look
 
 RADIUS_UM, ARM_UM, SIGMA_UM = 9.0, 22.0, 0.1

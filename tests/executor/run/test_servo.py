@@ -25,14 +25,7 @@ from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.schemas.plan import AlignAction, Region
 from microplan.schemas.pose import Pose
 from tests.executor.bench import control
-from tests.executor.disc import (
-    PictureCamera,
-    disc,
-    look,
-    noisy,
-    quiet_cell,
-    rig_of,
-)
+from tests.executor.disc import PictureCamera, disc, look, noisy, quiet_cell, rig_of
 
 ACTION = AlignAction(target="gear", to="goal", look="disc", axes="stage", path=("xy",))
 

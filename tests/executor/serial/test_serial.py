@@ -39,12 +39,7 @@ from microplan.executor.simulated.cell import build_cell
 from microplan.executor.testing import Bench, conforms
 from microplan.schemas.codec import to_data
 from tests.executor.bench import quiet, world
-from tests.executor.serial.fake_controller import (
-    FAULTS,
-    FakeController,
-    _check,
-    _line,
-)
+from tests.executor.serial.fake_controller import FAULTS, FakeController, _check, _line
 
 LIMITS: dict[str, Any] = {
     "magnification": (1.0, 44.5),

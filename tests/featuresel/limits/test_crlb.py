@@ -11,11 +11,7 @@ from scipy.stats import poisson
 
 from benchmarks.localisation.informative import informative
 from microplan.arrays import FloatArray
-from microplan.featuresel.limits.crlb import (
-    camera_of,
-    fisher,
-    weights,
-)
+from microplan.featuresel.limits.crlb import camera_of, fisher, weights
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import (

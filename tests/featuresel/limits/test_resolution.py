@@ -16,11 +16,7 @@ from benchmarks.localisation.depth_of_field import (
     limit_curve,
 )
 from microplan.arrays import BoolArray, FloatArray
-from microplan.featuresel.limits.resolution import (
-    SAFE,
-    contrast,
-    spurious_um,
-)
+from microplan.featuresel.limits.resolution import SAFE, contrast, spurious_um
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.outline.outline import Outline, Ring, Segment
 from microplan.optics.render.scene import Layer, Window

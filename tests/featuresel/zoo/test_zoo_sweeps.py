@@ -8,10 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchmarks.focus.measures import (
-    gradient_sum,
-    laplacian_energy,
-)
+from benchmarks.focus.measures import gradient_sum, laplacian_energy
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase

@@ -19,14 +19,7 @@ from microplan.optics.coherence.edge_offsets import (
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
-from tests.optics.shapes import (
-    circle,
-    disc,
-    gear,
-    microscope,
-    one_layer,
-    rectangle,
-)
+from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 TEETH = Window(row=60, column=0, rows=60, columns=90)  # and some of the bore
 

@@ -23,13 +23,7 @@ from microplan.optics.coherence.edge_offsets import (
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Window
 from microplan.optics.transfer.microscope import Microscope
-from tests.optics.shapes import (
-    circle,
-    microscope,
-    one_layer,
-    polygon,
-    rectangle,
-)
+from tests.optics.shapes import circle, microscope, one_layer, polygon, rectangle
 
 AIRY = 0.6 / 0.42  # wavelength / A of `microscope()`, um
 # Wavelength / A, between the nodes of the table within one wave of defocus: measured by

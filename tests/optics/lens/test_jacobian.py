@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.optics.lens.jacobian import (
-    point_jacobian,
-    to_px,
-)
+from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.optics.render.render import render
 from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import disc, microscope, one_layer

@@ -109,9 +109,9 @@ def test_a_part_on_two_plates_that_are_apart_rests_between_them(task: Task) -> N
     apart = replace(task, parts=parts)
     found = resting(apart, state, "die")
     assert found.on == ("left", "right")
-    assert found.balanced  # a bridge; each alone would let it tip
+    assert found.inside_um > 0  # a bridge; each alone would let it tip
     alone = replace(state, parts={k: v for k, v in state.parts.items() if k != "left"})
-    assert not resting(apart, alone, "die").balanced
+    assert resting(apart, alone, "die").inside_um <= 0
 
 
 @pytest.mark.parametrize("over_um", [-20.0, 20.0])
@@ -127,7 +127,7 @@ def test_a_hole_below_carries_nothing(task: Task, over_um: float) -> None:
     pierced = replace(plate, outline=Outline(rings=(outer, hole)))
     changed = replace(task, parts={**task.parts, "submount": pierced})
     found = released(changed, state)
-    assert resting(changed, state, "die").balanced is (over_um < 0)
+    assert (resting(changed, state, "die").inside_um > 0) is (over_um < 0)
     assert [d.severity for d in found] == ["infeasible"] * (over_um > 0)
 
 

@@ -12,11 +12,7 @@ import pytest
 from microplan.planner.assembly.assembly import Carrier
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.alignment_residual import residual_of
-from microplan.planner.budget.budget import (
-    PastMeasurement,
-    blind_rows,
-    fit_of,
-)
+from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insert_budget import (
     LateralResidual,

@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.control import (
-    control_of,
-    folded_mean,
-    tolerance_um,
-)
+from microplan.planner.budget.control import control_of, folded_mean, tolerance_um
 from microplan.planner.budget.methods import (
     GIVE_UP,
     AngleCorrection,

@@ -12,14 +12,7 @@ import yaml
 
 from microplan.planner.cli.main import main
 from microplan.planner.diff.changes import ABOUT
-from tests.planner.examples import (
-    GRASP,
-    ROOT,
-    between_jaws,
-    change,
-    copy_example,
-    cut,
-)
+from tests.planner.examples import GRASP, ROOT, between_jaws, change, copy_example, cut
 
 CI = ROOT / "examples" / "ci"
 PAGE = ROOT / "docs" / "ci.md"

@@ -8,12 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from microplan.planner.source.saved_files import (
-    GONE_S,
-    POLL_S,
-    file_sha256,
-    next_saved,
-)
+from microplan.planner.source.saved_files import GONE_S, POLL_S, file_sha256, next_saved
 
 
 class StoppedError(Exception):
