@@ -98,7 +98,7 @@ def beyond_circle(radius_um: float, spread: PlaneNormal) -> float:
     ----------
     radius_um : float
         Where it is not positive, every error is beyond.
-    standard deviation : Spread
+    spread : PlaneNormal
         Law of the error.
 
     Returns
@@ -139,7 +139,7 @@ def beyond_radii(
     flat_um, reach_um : float
         Its distribution is a trapezoid about the middle: level out to `flat_um`,
         nothing beyond `reach_um`.
-    standard deviation : Spread
+    spread : PlaneNormal
         Law of the error.
 
     Returns
