@@ -15,9 +15,26 @@ from typing import Any
 
 import pytest
 
-SHOWN = int(os.environ.get("SHOWN_MODULES", "10"))
+SHOWN = 10
 # modules of some ten seconds and more of CPU, slowest first: `--module-times` has them
-SLOWEST: tuple[str, ...] = ()
+SLOWEST = (
+    "tests/browser/test_pages.py",
+    "tests/featuresel/routines/test_contract.py",
+    "tests/planner/plan/test_cached_compile.py",
+    "tests/executor/whole_runs/test_fault_matrix.py",
+    "tests/executor/cli/test_main.py",
+    "tests/planner/source/test_diagnostic_pages.py",
+    "tests/executor/whole_runs/test_closed_loop.py",
+    "tests/planner/plan/test_compile.py",
+    "tests/project/test_wheel.py",
+    "tests/executor/test_diagnostic_pages.py",
+    "tests/optics/render/test_fidelity.py",
+    "tests/planner/looks/test_coarse_to_fine.py",
+    "tests/planner/task/test_second_reader.py",
+    "tests/project/test_walks.py",
+    "tests/planner/tradeoff/test_task_tradeoff.py",
+    "tests/executor/micromanager/test_micromanager_run.py",
+)
 
 _spent: dict[str, list[float]] = {}  # module -> CPU s, wall s
 

@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks import house
+from tests.module_times import SLOWEST
 
 ROOT = house.ROOT
 MOST_MODULES = 15  # in a folder
@@ -92,3 +93,7 @@ def test_no_folder_has_a_name_that_says_nothing() -> None:
     folders = {file.parent for file in house.modules()}
     assert [f for f in folders if f.name in empty] == []
     assert all(Path(f, "__init__.py").is_file() for f in folders)
+
+
+def test_the_slowest_test_modules_are_still_there() -> None:
+    assert [name for name in SLOWEST if not (ROOT / name).is_file()] == []
