@@ -26,7 +26,7 @@ def coverage(
 
     Parameters
     ----------
-    outline : Outline or Edges
+    outline : Outline or EdgeArrays
         Closed rings in the world frame, um.
     microscope : Microscope
         Scale and frame; pixels are taken as full squares.

@@ -1,8 +1,9 @@
 """What pieces of image work cost, in 640 x 480 box filters of 64-bit pixels.
 
 Numbers of values times what one takes, plus what calling numpy takes however few there
-are. The constants were read off one machine once and are only that; `benchmarks/costs`
-prints how far the models that use them are from CPU time.
+are. The constants were read off one machine once and are only that;
+`benchmarks/localisation/costs` prints how far the models that use them are from CPU
+time.
 """
 
 from __future__ import annotations

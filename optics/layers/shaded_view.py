@@ -28,9 +28,8 @@ from microplan.optics.transfer.microscope import Microscope
 _HIDING, _SHADED = 3, 8
 _WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
 _STEPS = 4  # an octave of distances between points
-_UNIFORM = (
-    0.005  # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
-)
+# a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
+_UNIFORM = 0.005
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

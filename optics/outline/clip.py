@@ -79,7 +79,7 @@ def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
 
     Returns
     -------
-    Edges
+    EdgeArrays
         Closed rings again, with new edges along the box where it cuts; what is left
         of an arc is an arc.
 

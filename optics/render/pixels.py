@@ -60,7 +60,7 @@ def choose_tile(
 
     Parameters
     ----------
-    outline : Outline or Edges
+    outline : Outline or EdgeArrays
         The body, um; its image is displaced by `shift_um`.
     margin_um : float
         How far light spreads.

@@ -1,7 +1,7 @@
 """Mating of a hole with a shaft: class of fit, capture radius, tilt, wedging.
 
 Pure geometry over the tolerances; how likely the parts find each other is for
-`planner.checks`. Edges are off by at most the profile tolerance, walls lean by at most
+`planner.budget`. Edges are off by at most the profile tolerance, walls lean by at most
 the taper: in which direction is not known, so each takes from the clearance.
 """
 

@@ -24,9 +24,8 @@ class MeasurementHistory:
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
-    setting: MicroscopeSetting | None = (
-        None  # of the microscope; None: nothing was looked at
-    )
+    # of the microscope; None: nothing was looked at
+    setting: MicroscopeSetting | None = None
     before: PastMeasurement | None = None  # the look that its first approach went by
     # owner -> the last look that measured its angle
     angles: Mapping[str, PastMeasurement] = field(default_factory=dict)

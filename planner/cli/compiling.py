@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import json
+import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace
@@ -92,9 +92,15 @@ def _with_findings(made: PlanBytes, report: Report, folder: Path) -> PlanBytes:
     from microplan.planner.store.folder import FINDINGS, json_bytes
     from microplan.schemas.codec import to_data
 
-    text = json_bytes(to_data(tuple(report.in_order))).decode()
-    here = json.dumps(f"{folder}/", ensure_ascii=False).strip('"')
-    data = text.replace(here, "").encode()
+    found = []
+    for each in report.in_order:
+        here = re.compile(rf"(?<![^\s'\"(]){re.escape(str(folder))}/")
+        file, message, hint = (
+            here.sub("", text) for text in (each.where.file, each.message, each.hint)
+        )
+        where = replace(each.where, file=file)
+        found.append(replace(each, where=where, message=message, hint=hint))
+    data = json_bytes(to_data(tuple(found)))
     return replace(made, files={**made.files, FINDINGS: data})
 
 

@@ -29,7 +29,7 @@ def sequence(folder: ExportedPlan, *, channel: str | None = None) -> dict[str, A
 
     Parameters
     ----------
-    folder : PlanFolder
+    folder : ExportedPlan
         The plan.
     channel : str, optional
         Preset of the group "Channel" that is set for all; None: as it is.

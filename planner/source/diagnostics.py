@@ -110,9 +110,8 @@ TITLES: Mapping[str, str] = {
 
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
-MOST_WORDS = (
-    1000  # characters of a message or hint: names in files may be of any length
-)
+# characters of a message or hint: names in files may be of any length
+MOST_WORDS = 1000
 EXCERPT = 120  # characters of a source line that are shown around the caret
 
 # infeasible, different: understood, but the answer is no (exit status 1)

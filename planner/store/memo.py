@@ -110,10 +110,12 @@ def sources() -> str:
     found = hashlib.sha256(sys.version.encode())
     for name in _LIBRARIES:
         found.update(f"{name} {version(name)}".encode())
-    for package in PACKAGES:
-        module = importlib.import_module(f"microplan.{package}")
+    top = Path(str(importlib.import_module("microplan").__file__)).parent
+    for package in ("", *PACKAGES):
+        module = importlib.import_module(f"microplan.{package}".rstrip("."))
         root = Path(str(module.__file__)).parent
-        for file in sorted(root.rglob("*.py")):
+        inside = root.rglob("*.py") if root != top else root.glob("*.py")
+        for file in sorted(inside):
             found.update(file.relative_to(root).as_posix().encode() + b"\0")
             found.update(hashlib.sha256(file.read_bytes()).digest())
     return found.hexdigest()

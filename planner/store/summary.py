@@ -8,9 +8,8 @@ from microplan.schemas.files.times import SWEEP
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Look, Measure, Plan, Step, VerifyAction
 
-CONTRAST = (
-    "unit contrast"  # that of `microplan.optics.ledger`, without loading scipy for it
-)
+# that of `microplan.optics.ledger`, without loading scipy for it
+CONTRAST = "unit contrast"
 # effects whose name in a plan says less than they are
 EFFECTS = {
     "shade of higher bodies": "shade of bodies on what lies lower, the ground too"

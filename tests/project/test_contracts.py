@@ -17,7 +17,7 @@ PLANTED = {
     "planner/store/memo.py": ("planner.plan.options", "the compiler"),
     "executor/record/frames.py": ("executor.micromanager.drives", "the executor"),
     "featuresel/limits/crlb.py": ("featuresel.trials.score", "featuresel"),
-    "optics/outline/offset.py": ("optics.render.raster", "optics"),
+    "optics/outline/offset.py": ("optics.render.render", "optics"),
     "schemas/page/console.py": ("schemas.files.world", "schemas"),
     "planner/drawings/pieces.py": ("planner.drawings.rings", "no folder's modules"),
     "planner/report/folder.py": ("planner.task.task", "what is made of a plan folder"),

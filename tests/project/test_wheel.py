@@ -111,7 +111,8 @@ def test_the_wheel_holds_every_file_of_its_packages(wheel: Path) -> None:
     }
     wanted |= {"microplan/__init__.py", "microplan/py.typed", "microplan/arrays.py"}
     assert {f"microplan/{package}/py.typed" for package in PACKAGES} <= wanted
-    assert "microplan/schemas/task.schema.json" in wanted
+    for name in ("task", "workcell"):
+        assert f"microplan/schemas/{name}.schema.json" in wanted
     assert wanted <= names
     assert not [name for name in names if "__pycache__" in name]
 

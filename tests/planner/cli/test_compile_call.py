@@ -17,7 +17,10 @@ from pathlib import Path
 
 import pytest
 
+from microplan.planner.cli.compiling import _with_findings
 from microplan.planner.cli.main import main
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.store.folder import PlanBytes
 from tests.planner.examples import GRASP, between_jaws, change, copy_example, cut
 
 RELEASE = "{id: release, do: release, target: gear, opening_um: 130}"
@@ -193,6 +196,20 @@ def test_findings_lie_beside_the_plan_and_in_its_report(
         assert finding["message"] in heard.err
         assert finding["code"] in page
         assert finding["where"]["file"] == "task.yaml"  # as seen from the task
+
+
+def test_findings_name_files_as_seen_from_the_task() -> None:
+    made = PlanBytes(name="n", files={"plan.json": b""}, timings={}, summary="")
+    report = Report()
+    report.note("MP306", Span(file="a/data/gear.dxf"), "a/task.yaml: 3 um/s", "see a/b")
+    report.note("MP306", Span(file="data/a/x.dxf"), "'a/x' at data/a/x", "ma/x")
+    kept = json.loads(_with_findings(made, report, Path("a")).files["findings.json"])
+    assert [each["where"]["file"] for each in kept] == ["data/gear.dxf", "data/a/x.dxf"]
+    assert [each["message"] for each in kept] == [
+        "task.yaml: 3 um/s",
+        "'x' at data/a/x",
+    ]
+    assert [each["hint"] for each in kept] == ["see b", "ma/x"]
 
 
 def test_a_folder_of_any_name_is_compiled_in(task: Path, tmp_path: Path) -> None:
