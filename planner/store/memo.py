@@ -110,12 +110,10 @@ def sources() -> str:
     found = hashlib.sha256(sys.version.encode())
     for name in _LIBRARIES:
         found.update(f"{name} {version(name)}".encode())
-    top = Path(str(importlib.import_module("microplan").__file__)).parent
-    for package in ("", *PACKAGES):
-        module = importlib.import_module(f"microplan.{package}".rstrip("."))
-        root = Path(str(module.__file__)).parent
-        inside = root.rglob("*.py") if root != top else root.glob("*.py")
-        for file in sorted(inside):
+    packages = {"microplan": "*.py"} | {f"microplan.{p}": "**/*.py" for p in PACKAGES}
+    for package, pattern in packages.items():
+        root = Path(str(importlib.import_module(package).__file__)).parent
+        for file in sorted(root.glob(pattern)):
             found.update(file.relative_to(root).as_posix().encode() + b"\0")
             found.update(hashlib.sha256(file.read_bytes()).digest())
     return found.hexdigest()
