@@ -41,8 +41,8 @@ def a_score(name: str, sigma_um: float = 0.1, cost: float = 1.0) -> ChainScore:
     )
 
 
-def with_failures(score: ChainScore, aloud: int, silent: int) -> ChainScore:
-    success = 64 - aloud - silent
+def with_failures(score: ChainScore, detected: int, silent: int) -> ChainScore:
+    success = 64 - detected - silent
     return replace(
         score,
         success=success,
@@ -50,7 +50,7 @@ def with_failures(score: ChainScore, aloud: int, silent: int) -> ChainScore:
         success_lower=success_lower(success, 64),
         silent=silent,
         silent_upper=failure_upper(silent, 64),
-        failures=(("no_edge", aloud),) if aloud else (),
+        failures=(("no_edge", detected),) if detected else (),
     )
 
 
