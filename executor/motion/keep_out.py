@@ -37,7 +37,7 @@ class Moment:
 
 
 class KeepOut:
-    """Refuses motions whose swept room meets anything that is not to be touched.
+    """Refuses motions whose swept volume meets anything that is not to be touched.
 
     A plan without the volumes of its parts lets everything pass.
 
@@ -90,8 +90,8 @@ class KeepOut:
     def check_jaws(self, now: Moment, step: str) -> None:
         """Raise MP836 if a motion of the jaws would bring a finger to another part."""
         robot = list(_standing(self._carried("robot", now), "robot", now.readings))
-        fingers = [room for room in robot if room.owner in self._fingers]
-        parts = [room for room in robot if room.owner not in self._fingers]
+        fingers = [volume for volume in robot if volume.owner in self._fingers]
+        parts = [volume for volume in robot if volume.owner not in self._fingers]
         parts += _standing(self._carried("stage", now), "stage", now.readings)
         met = _meeting(fingers, parts, self.allowed(step), 0.0)
         if met is not None:
@@ -115,10 +115,12 @@ class KeepOut:
         other: AxesName = "robot" if move.axes == "stage" else "stage"
         still = list(_standing(self._carried(other, now), other, now.readings))
         swept = [
-            room
+            volume
             for each in self._carried(move.axes, now)
-            if any(_level(travel.heights_um(each), room, margin_um) for room in still)
-            for room in travel.covered(each)
+            if any(
+                _level(travel.heights_um(each), volume, margin_um) for volume in still
+            )
+            for volume in travel.covered(each)
         ]
         met = _meeting(swept, still, allowed, margin_um)
         return self._sunk(move, travel, now, allowed) if met is None else met
@@ -161,11 +163,11 @@ class KeepOut:
             return None
         robot_um = now.readings.robot.z_um
         surface_um = self._surface_um + now.readings.stage.z_um
-        for room in self._carried("robot", now):
-            gap_um = room.low_um + robot_um - surface_um - nearer_um
-            free = room.owner in self._fingers or gap_um >= -ROUNDING_UM
-            if not free and frozenset((room.owner, SURFACE)) not in allowed:
-                return room.owner, SURFACE
+        for volume in self._carried("robot", now):
+            gap_um = volume.low_um + robot_um - surface_um - nearer_um
+            free = volume.owner in self._fingers or gap_um >= -ROUNDING_UM
+            if not free and frozenset((volume.owner, SURFACE)) not in allowed:
+                return volume.owner, SURFACE
         return None
 
     def _carried(self, axes: AxesName, now: Moment) -> Iterator[SweptVolume]:
@@ -174,7 +176,7 @@ class KeepOut:
             if now.beliefs.belief(name).carrier == axes:
                 knows = now.beliefs.knows_angle(name)
                 for prism in prisms:
-                    if prism.high_um > prism.low_um:  # a sheet takes up no room
+                    if prism.high_um > prism.low_um:  # a sheet takes up no volume
                         shape = prism if knows else _around(prism)
                         yield _room(name, shape, now, ((0.0, 0.0),))
         for tool, fingers in self._fingers.items():
@@ -222,13 +224,13 @@ def _travel(move: AxisMove, readings: Readings) -> Travel:
 
 
 def _standing(
-    rooms: Iterable[SweptVolume], axes: AxesName, readings: Readings
+    volumes: Iterable[SweptVolume], axes: AxesName, readings: Readings
 ) -> Iterator[SweptVolume]:
-    """Yield where rooms that an axis group carries are now."""
-    for room in rooms:
+    """Yield where volumes that an axis group carries are now."""
+    for volume in volumes:
         reading = readings.reading(axes)
         pivot_um = _pivot_um(axes, readings)
-        yield from Travel(start=reading, end=reading, pivot_um=pivot_um).covered(room)
+        yield from Travel(start=reading, end=reading, pivot_um=pivot_um).covered(volume)
 
 
 def _pivot_um(axes: AxesName, readings: Readings) -> tuple[float, float]:
@@ -237,11 +239,11 @@ def _pivot_um(axes: AxesName, readings: Readings) -> tuple[float, float]:
 
 
 def _level(
-    heights_um: tuple[float, float], room: SweptVolume, margin_um: float
+    heights_um: tuple[float, float], volume: SweptVolume, margin_um: float
 ) -> bool:
-    """Return whether a range of heights comes within a margin of a room's."""
+    """Return whether a range of heights comes within a margin of a volume's."""
     low_um, high_um = heights_um
-    return max(low_um - room.high_um, room.low_um - high_um) < margin_um
+    return max(low_um - volume.high_um, volume.low_um - high_um) < margin_um
 
 
 def _meeting(
@@ -250,10 +252,10 @@ def _meeting(
     allowed: frozenset[Pair],
     margin_um: float,
 ) -> tuple[str, str] | None:
-    """Return the owners of the first two rooms that meet and may not."""
-    for room in moving:
-        others = [o for o in still if frozenset((room.owner, o.owner)) not in allowed]
-        found = first_meeting(room, others, margin_um=margin_um)
+    """Return the owners of the first two volumes that meet and may not."""
+    for volume in moving:
+        others = [o for o in still if frozenset((volume.owner, o.owner)) not in allowed]
+        found = first_meeting(volume, others, margin_um=margin_um)
         if found is not None:
-            return room.owner, found.owner
+            return volume.owner, found.owner
     return None

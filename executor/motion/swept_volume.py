@@ -40,44 +40,44 @@ class Travel:
     end: AxisReading
     pivot_um: tuple[float, float] = (0.0, 0.0)  # at reading 0; travels along
 
-    def heights_um(self, room: SweptVolume) -> tuple[float, float]:
-        """Return the least and the greatest height of `room` during the motion, um."""
+    def heights_um(self, volume: SweptVolume) -> tuple[float, float]:
+        """Return least and greatest height of `volume` during the motion, um."""
         ends = (self.start.z_um, self.end.z_um)
-        return room.low_um + min(ends), room.high_um + max(ends)
+        return volume.low_um + min(ends), volume.high_um + max(ends)
 
-    def covered(self, room: SweptVolume) -> Iterator[SweptVolume]:
-        """Yield volumes that together hold all that `room` covers during the motion.
+    def covered(self, volume: SweptVolume) -> Iterator[SweptVolume]:
+        """Yield volumes that together hold all that `volume` covers during the motion.
 
-        `room` is where it is with the axes at reading 0.
+        `volume` is where it is with the axes at reading 0.
         """
         a, b = self.start, self.end
-        low_um, high_um = self.heights_um(room)
+        low_um, high_um = self.heights_um(volume)
         pivot = np.array(self.pivot_um)
         xs, ys = sorted({a.x_um, b.x_um}), sorted({a.y_um, b.y_um})
         shifts = [pivot + np.array((x, y)) for x in xs for y in ys]
-        for arcs in _turned(room.corners_um - pivot, a.theta_rad, b.theta_rad):
+        for arcs in _turned(volume.corners_um - pivot, a.theta_rad, b.theta_rad):
             corners = np.concatenate([arcs + shift for shift in shifts])
-            turned_only = len(corners) == len(room.corners_um)  # convex as it was
+            turned_only = len(corners) == len(volume.corners_um)  # convex as it was
             yield SweptVolume(
-                owner=room.owner,
+                owner=volume.owner,
                 corners_um=corners if turned_only else hull(corners),
                 low_um=low_um,
                 high_um=high_um,
             )
 
 
-def meets(room: SweptVolume, other: SweptVolume, *, margin_um: float = 0.0) -> bool:
-    """Return whether two rooms overlap, or come closer than a margin.
+def meets(volume: SweptVolume, other: SweptVolume, *, margin_um: float = 0.0) -> bool:
+    """Return whether two volumes overlap, or come closer than a margin.
 
     Convex shapes are apart if and only if a line along an edge of one of them parts
     them; the gap along its normal is at most their distance, so that a margin is kept
     on the safe side.
     """
     least_um = margin_um - ROUNDING_UM
-    height_um = max(room.low_um - other.high_um, other.low_um - room.high_um)
+    height_um = max(volume.low_um - other.high_um, other.low_um - volume.high_um)
     if height_um >= least_um:
         return False
-    first, second = room.corners_um, other.corners_um
+    first, second = volume.corners_um, other.corners_um
     for corners, away in ((first, second), (second, first)):
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.stack((edges[:, 1], -edges[:, 0]), axis=1)
@@ -89,10 +89,10 @@ def meets(room: SweptVolume, other: SweptVolume, *, margin_um: float = 0.0) -> b
 
 
 def first_meeting(
-    room: SweptVolume, others: Iterable[SweptVolume], *, margin_um: float = 0.0
+    volume: SweptVolume, others: Iterable[SweptVolume], *, margin_um: float = 0.0
 ) -> SweptVolume | None:
     """Return the first of `others` that a volume meets, None if all stay apart."""
-    return next((o for o in others if meets(room, o, margin_um=margin_um)), None)
+    return next((o for o in others if meets(volume, o, margin_um=margin_um)), None)
 
 
 def hull(points: FloatArray) -> FloatArray:
