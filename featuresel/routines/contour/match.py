@@ -46,7 +46,6 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import refused
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
@@ -116,8 +115,6 @@ def measure(
     Fails if the match is poor, ambiguous or out of view. The angle is None if the
     contour is round, or if no edge in sight distinguishes the turns of its symmetry.
     """
-    if unfit := refused(image):
-        return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
         return Failure("outside", f"an image of {image.shape} px")
     points = artifact.arrays["points"].astype(np.float64)

@@ -32,7 +32,6 @@ from microplan.featuresel.routines.edge.faces import (
     predicted,
     rough_turn,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 _SPARSE = 4  # lines are skipped for the rough turn
@@ -79,8 +78,6 @@ def measure(
 
     Fails if a face is missing or misplaced.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
     inner_faces = [face_numbers(p)[name] for name in SIDES[:2]]

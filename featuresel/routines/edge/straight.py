@@ -30,7 +30,6 @@ from microplan.featuresel.routines.edge.faces import (
     off_search,
     rough_turn,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
@@ -95,8 +94,6 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
 
     Fails if an edge is missing, bent or out of range.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     if min(image.shape) < 4:
         return Failure("outside", f"an image of {image.shape} px")

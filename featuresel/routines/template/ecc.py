@@ -23,7 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import cut, half_px, refused
+from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.ecc_search import (
     FAINT,
     REACH_PX,
@@ -97,8 +97,6 @@ def measure(
 
     Fails if the guess is far off or the images differ.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     if p["turns"] and guess.theta_rad is None:
         return Failure("no_angle", "needs an angle to start from")

@@ -19,7 +19,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import cut, half_px, refused
+from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
     SURE_SCORE,
@@ -89,8 +89,6 @@ def measure(
 
     Its angle too, where that is searched.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     shrink = int(p["shrink"])
     matched = _match(_shrunk(image, shrink), artifact, guess)

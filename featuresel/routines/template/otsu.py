@@ -21,7 +21,6 @@ from microplan.featuresel.routines.contract import (
     Target,
 )
 from microplan.featuresel.routines.contract import Measurement as Found
-from microplan.featuresel.routines.picture import refused
 
 Find = Callable[[FloatArray, Guess], Found | Failure]
 
@@ -135,8 +134,6 @@ def measure(
 
     Fails if no blob, or more than one, fits.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     blobs = _blobs(image, bright=p["bright"] > 0)
     if isinstance(blobs, Failure):
