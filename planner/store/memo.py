@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from types import FunctionType, MethodType
 from typing import Any, ParamSpec, TypeVar
 
+from microplan.featuresel.trials.trial_cache import Looks
 from microplan.planner.store.canonical import PACKAGES, CanonicalError, decode, encode
 from microplan.planner.store.store import Store
 
@@ -24,7 +26,7 @@ B = TypeVar("B")
 _LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
 )  # fmt: skip
-_NOT_MEANT = frozenset({"map", "looks"})  # arguments that change no result
+_HOW = (FunctionType, MethodType, type, Looks)  # `map` itself is a type
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +41,13 @@ class Memo:
     def call(self, function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
         """Return what `function` returns for these arguments.
 
-        It must be pure: its result may depend on its arguments alone, those called
-        `map` and `looks` left out, and must have bytes (`canonical.encode`).
+        It must be pure: its result may depend on its arguments alone, and must have
+        bytes (`canonical.encode`). Keywords that say how to run are no part of the key:
+        functions, as a pool's map, and `Looks`, a cache.
         """
         if self.store is None:
             return function(*args, **kwargs)
-        meant = {k: v for k, v in kwargs.items() if k not in _NOT_MEANT}
+        meant = {k: v for k, v in kwargs.items() if not isinstance(v, _HOW)}
         key = digest(_name(function), args, meant)
         for found in self._kept(key):
             kept: R = found
