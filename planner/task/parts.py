@@ -64,9 +64,6 @@ def _part(
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts=posts,
-        chord_um=max(
-            [taken.chord_um, *(feature.chord_um for feature in found.values())]
-        ),
         sheet=DrawingSheet(drawing=drawing, takes=(taken, *standing)),
         where=task.source.key("parts", name),
     )
@@ -193,7 +190,7 @@ def _make(
 ) -> PartFeature:
     """Return the feature; values that its kind does not have stay as they are."""
     return PartFeature(
-        name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
+        name=name, kind=raw["kind"], center_um=center_um,
         avoid=raw.get("avoid", False), where=at, **values,
     )  # fmt: skip
 

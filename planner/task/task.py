@@ -26,7 +26,6 @@ class PartFeature:
 
     name: str
     kind: FeatureKind
-    layer: str
     center_um: tuple[float, float]
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it
@@ -68,7 +67,6 @@ class Part:
     taper_um_per_100um: float
     features: Mapping[str, PartFeature]
     posts: Mapping[str, Post]
-    chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
     sheet: DrawingSheet
     where: Span
 
