@@ -79,7 +79,8 @@ def _answer(way: str, seed: int) -> Answer:
     pose = cell.truth.pose(body)
     part = TargetSighting(
         target="gear", x_um=pose.x_um, y_um=pose.y_um, theta_rad=pose.theta_rad,
-        spread_um=0.1, sigma_theta_rad=None, features={},
+        score=1.0, spread_um=0.1, sigma_theta_rad=None, routines=(), frames=1,
+        features={},
     )  # fmt: skip
     rig, look = _rig(cell), _look()
     try:

@@ -33,8 +33,11 @@ class TargetSighting:
     x_um: float
     y_um: float
     theta_rad: float | None  # None: not measured
+    score: float
     spread_um: float  # the best routine's own estimate, one sigma per axis
     sigma_theta_rad: float | None  # by the trials; None: the angle was not measured
+    routines: tuple[str, ...]
+    frames: int  # grabbed until it was found
     features: Mapping[str, FoundFeature]  # each that was found, by its name
 
 
@@ -212,7 +215,7 @@ def _sight(
     try:
         names = [measure.feature or look.target for measure in look.measures]
         found = {name: kept[name] for name in names if name in kept}
-        return _fused(look, found, picture)
+        return _fused(look, found, picture, tries)
     except ExecutorError:
         kept.clear()
         raise
@@ -238,7 +241,7 @@ def _show(
 
 
 def _fused(
-    look: Look, found: Mapping[str, ShownFeature], picture: Picture
+    look: Look, found: Mapping[str, ShownFeature], picture: Picture, tries: int
 ) -> TargetSighting:
     """Return the target's pose by all features found."""
     shown = tuple(found.values())
@@ -254,7 +257,10 @@ def _fused(
         x_um=pose.x_um,
         y_um=pose.y_um,
         theta_rad=pose.theta_rad,
+        score=min(each.score for each in shown),
         spread_um=min(each.spread_um for each in shown),
         sigma_theta_rad=pose.sigma_theta_rad,
+        routines=tuple(name for each in shown for name in each.routines),
+        frames=tries,
         features={name: each.found for name, each in found.items()},
     )

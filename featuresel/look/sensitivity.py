@@ -253,7 +253,7 @@ def _difference(
 def _steps(case: LookCase, at: LookSetting) -> dict[str, float]:
     """Return the smallest step of each parameter of `POSE`.
 
-    A turn and a zoom move the farthest edge as far as a shift does.
+    A rotation and a zoom move the farthest edge as far as a shift does.
     """
     scope = case.microscope
     shift = _STEP * scope.wavelength_um / scope.aperture

@@ -64,6 +64,9 @@ def _part(
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts=posts,
+        chord_um=max(
+            [taken.chord_um, *(feature.chord_um for feature in found.values())]
+        ),
         sheet=DrawingSheet(drawing=drawing, takes=(taken, *standing)),
         where=task.source.key("parts", name),
     )

@@ -67,6 +67,7 @@ class Part:
     taper_um_per_100um: float
     features: Mapping[str, PartFeature]
     posts: Mapping[str, Post]
+    chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
     sheet: DrawingSheet
     where: Span
 

@@ -214,7 +214,7 @@ def crossings(above: FloatArray, wanted: BoolArray) -> Crossings:
 def _between(
     above: FloatArray, wanted: BoolArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return line, place on it and whether it rises, of crossings along axis 1."""
+    """Return line, position on it and whether it rises, of crossings along axis 1."""
     near, far = above[:, 1:-2], above[:, 2:-1]
     crossed = ((near < 0) != (far < 0)) & wanted[:, 1:-2]
     line, first = np.nonzero(crossed)

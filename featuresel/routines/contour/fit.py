@@ -125,7 +125,7 @@ def cast(
 
 
 def _design(lines: Lines, pose: FloatArray) -> FloatArray:
-    """Return (N, 4): what x, y (up), turn and scale move each edge by along its line.
+    """Return (N, 4): what x, y (up), rotation and scale move each edge by on its line.
 
     A column of zeros stands for what is not fitted.
     """

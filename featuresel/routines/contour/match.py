@@ -113,7 +113,8 @@ def measure(
     """Return position, px, and angle in `image`, (rows, columns) 0..1.
 
     Fails if the match is poor, ambiguous or out of view. The angle is None if the
-    contour is round, or if no edge in sight distinguishes the turns of its symmetry.
+    contour is round, or if no edge in sight distinguishes the rotations of its
+    symmetry.
     """
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
         return Failure("outside", f"an image of {image.shape} px")
@@ -197,7 +198,7 @@ def _angles(p: Mapping[str, float], points: FloatArray) -> FloatArray:
 def _matched(
     image: FloatArray, artifact: Artifact, points: FloatArray, guess: Guess
 ) -> ScoredPose | Failure:
-    """Return the best pose to about a pixel, at the turn that the edges confirm."""
+    """Return the best pose to about a pixel, at the rotation that the edges confirm."""
     p = artifact.parameters
     shrink = int(p["shrink"])
     angles = _angles(p, points)
@@ -303,7 +304,7 @@ def _low(agreed: float, least: float) -> Failure:
 def _choose_turn(
     fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
 ) -> ScoredPose | Failure:
-    """Return the pose at the one turn that the symmetry's breach confirms."""
+    """Return the pose at the one rotation that the symmetry's breach confirms."""
     p = artifact.parameters
     breaking = points[artifact.arrays["breaking"] > 0]
     angles = list(_turned(p, pose, breaking))

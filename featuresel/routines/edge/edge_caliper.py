@@ -47,7 +47,7 @@ _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
-    """Return the faces in view, with step, filter width and calibrated place of each.
+    """Return the faces in view, each with step, filter width and calibrated position.
 
     The inner faces and one tip are needed; the outer faces help where they are in view.
     """
@@ -182,11 +182,12 @@ def _pair(side: str) -> tuple[str, str]:
 def _pose(
     found: Mapping[str, MeasuredFace], p: Mapping[str, float]
 ) -> tuple[float, float, float]:
-    """Return (x, y, turn) of the grip against where it was sought, its own frame.
+    """Return (x, y, rotation) of the grip against where it was sought, its own frame.
 
-    A turn by t changes each face's slope by t; a shift moves its offset by the shift's
-    part along the normal, and the turn moves the stretch's middle by t times its lever.
-    Lines weigh by their number; the pairs of faces keep x free of the opening.
+    A rotation by t changes each face's slope by t; a shift moves its offset by the
+    shift's part along the normal, and the rotation moves the stretch's middle by t
+    times its lever. Lines weigh by their number; the pairs of faces keep x free of the
+    opening.
     """
     sides = [name for name in SIDES if name in found]
     turn = float(

@@ -158,7 +158,7 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
 def _at_mark(
     job: ImageComparison, found: PoseFit, cells: IntArray, range_rad: float
 ) -> PoseFit | Failure:
-    """Return the fit at that of the equal turns which what breaks the symmetry tells.
+    """Return the fit at the one of equal rotations that the symmetry's breach confirms.
 
     Half a period too: beyond the first sign change of the transfer function teeth and
     gaps swap.

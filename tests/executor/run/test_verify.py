@@ -21,8 +21,8 @@ ACTION = VerifyAction(
 def seen(theta_rad: float | None) -> TargetSighting:
     return TargetSighting(
         features={},
-        target="die", x_um=0.0, y_um=0.0, theta_rad=theta_rad,
-        spread_um=0.1, sigma_theta_rad=None,
+        target="die", x_um=0.0, y_um=0.0, theta_rad=theta_rad, score=1.0,
+        spread_um=0.1, sigma_theta_rad=None, routines=("ncc",), frames=1,
     )  # fmt: skip
 
 
