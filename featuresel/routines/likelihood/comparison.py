@@ -212,12 +212,11 @@ def misfits(
     pose: ImagePose,
     turns: FloatArray,
     cells: IntArray,
-    *,
-    rough: bool = False,
 ) -> FloatArray:
     """Return chi squared a pixel at some rotations under the best light, by some cells.
 
-    Infinite where nearly all of them are out of view.
+    Infinite where nearly all of them are out of view. The target's light is the rough
+    one of `microplan.featuresel.routines.likelihood.appearance.Appearance.turned`.
 
     Parameters
     ----------
@@ -229,13 +228,11 @@ def misfits(
         Rotations from the template, rad.
     cells : (N,) int array
         Of the template.
-    rough : bool
-        See `microplan.featuresel.routines.likelihood.appearance.Appearance.turned`.
     """
     values, targets, weights = [], [], []
     for view in job.views:
         here = at(pose, view)
-        seen = job.looks.turned(here, turns, cells, job.shape, rough=rough)
+        seen = job.looks.turned(here, turns, cells, job.shape, rough=True)
         mean = seen.value
         if job.front is not None:
             light, through = job.front.plain(here, seen.columns, seen.rows)
@@ -268,7 +265,7 @@ def try_each(
         for zoom, side in itertools.product(zooms, job.sides):
             front = None if job.front is None else OccluderBlur(focus_um=side * z_um)
             here = replace(pose, z_um=z_um, zoom=zoom, front=front)
-            found = misfits(job, here, np.array(turns), cells, rough=True)
+            found = misfits(job, here, np.array(turns), cells)
             k = int(np.argmin(found))
             if found[k] < least:
                 best, least = replace(here, turn_rad=turns[k]), float(found[k])
