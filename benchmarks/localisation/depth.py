@@ -9,7 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from benchmarks.localisation.information_sums import together
+from benchmarks.localisation.information import together
 from benchmarks.localisation.scenes import SCENES, Drawn, disturbed, draws, free_names
 from benchmarks.localisation.trials import (
     SAME,

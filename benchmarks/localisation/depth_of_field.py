@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
-from benchmarks.localisation.information_sums import only
+from benchmarks.localisation.information import only
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit
 from microplan.featuresel.look.scenario import LookCase

@@ -8,8 +8,12 @@ from dataclasses import replace
 from functools import cache
 
 from benchmarks.localisation.depth_of_field import depth_of_field, limit_curve, prices
-from benchmarks.localisation.information_sums import slopes_of, together, without
-from benchmarks.localisation.informative import informative
+from benchmarks.localisation.information import (
+    informative,
+    slopes_of,
+    together,
+    without,
+)
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.limits.resolution import contrast, spurious_um

@@ -9,8 +9,7 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import poisson
 
-from benchmarks.localisation.information_sums import only, together, without
-from benchmarks.localisation.informative import informative
+from benchmarks.localisation.information import informative, only, together, without
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher, weights
 from microplan.featuresel.limits.information import limit

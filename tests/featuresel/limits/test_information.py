@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.localisation.information_sums import only, together, without
+from benchmarks.localisation.information import only, together, without
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.information import (
     Information,

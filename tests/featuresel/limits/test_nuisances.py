@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.localisation.depth_of_field import prices
-from benchmarks.localisation.information_sums import only
+from benchmarks.localisation.information import only
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.localisation.information_sums import slopes_of
+from benchmarks.localisation.information import slopes_of
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import (
     Backdrop,
