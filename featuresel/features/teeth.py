@@ -157,28 +157,14 @@ def _phase(rays: FloatArray, radius_um: float, count: int) -> float:
         share = before[k] / (before[k] - over[k])
         x, y = rays[k - 1] + share * (rays[k] - rays[k - 1])
         crossings.append((math.atan2(y, x), bool(over[k] > 0)))
-    phase = mean_phase(tooth_middles(crossings), count) % (math.tau / count)
-    return 0.0 if math.tau / count - phase < 1e-9 else phase
-
-
-def tooth_middles(crossings: Sequence[tuple[float, bool]]) -> list[float]:
-    """Return the angle of each tooth's middle, rad.
-
-    A crossing is the angle at which the ring passes through a radius, and whether it
-    goes outward there.
-    """
-    middles = []
+    turn = 0j
     for k, (angle, outward) in enumerate(crossings):
         if outward:
             back = crossings[(k + 1) % len(crossings)][0]
-            middles.append(angle + math.remainder(back - angle, math.tau) / 2)
-    return middles
-
-
-def mean_phase(middles: Sequence[float], count: int) -> float:
-    """Return the mean of angles that are the same a tooth of `count` on, rad."""
-    turn = sum((cmath.rect(1.0, count * middle) for middle in middles), 0j)
-    return cmath.phase(turn) / count
+            middle = angle + math.remainder(back - angle, math.tau) / 2
+            turn += cmath.rect(1.0, count * middle)
+    phase = (cmath.phase(turn) / count) % (math.tau / count)
+    return 0.0 if math.tau / count - phase < 1e-9 else phase
 
 
 def _only_run(off: BoolArray) -> tuple[int, int]:

@@ -13,7 +13,6 @@ from pathlib import Path
 from types import FunctionType, MethodType
 from typing import Any, ParamSpec, TypeVar
 
-from microplan.featuresel.trials.trial_cache import Looks
 from microplan.planner.store.canonical import PACKAGES, CanonicalError, decode, encode
 from microplan.planner.store.store import Store
 
@@ -26,7 +25,7 @@ B = TypeVar("B")
 _LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
 )  # fmt: skip
-_HOW = (FunctionType, MethodType, type, Looks)  # `map` itself is a type
+_FUNCTIONS = (FunctionType, MethodType, type)  # `map` itself is a type
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +42,11 @@ class Memo:
 
         It must be pure: its result may depend on its arguments alone, and must have
         bytes (`canonical.encode`). Keywords that say how to run are no part of the key:
-        functions, as a pool's map, and `Looks`, a cache.
+        functions, as a pool's map, and what is not frozen, as a cache.
         """
         if self.store is None:
             return function(*args, **kwargs)
-        meant = {k: v for k, v in kwargs.items() if not isinstance(v, _HOW)}
+        meant = {k: v for k, v in kwargs.items() if not _is_means(v)}
         key = digest(_name(function), args, meant)
         for found in self._kept(key):
             kept: R = found
@@ -101,6 +100,12 @@ EVERY_TIME = Memo()  # keeps nothing, makes every call
 def digest(*values: Any) -> str:
     """Return a key for values: another one for other values, sources or libraries."""
     return hashlib.sha256(sources().encode() + encode(values)).hexdigest()
+
+
+def _is_means(argument: object) -> bool:
+    """Return whether an argument is no value: a function, or what may change."""
+    made = getattr(argument, "__dataclass_params__", None)
+    return isinstance(argument, _FUNCTIONS) or (made is not None and not made.frozen)
 
 
 def _name(function: Callable[..., Any]) -> str:

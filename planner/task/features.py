@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from itertools import pairwise, product
 import numpy as np
 
 from microplan.arrays import Point
-from microplan.featuresel.features.teeth import mean_phase, tooth_middles
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
 from microplan.planner.drawings.biarcs import fit_circle
 from microplan.planner.drawings.rings import SAME_UM, same_circle
@@ -203,7 +203,8 @@ def _teeth(ring: Ring) -> Teeth | None:
     if not middles:
         return None
     count = len(middles)
-    phase = mean_phase(middles, count)
+    turn = sum(cmath.rect(1.0, count * middle) for middle in middles)
+    phase = cmath.phase(turn) / count
     return Teeth(
         center_um=center, outer_um=outer, root_um=root, count=count,
         phase_rad=0.0 if abs(phase) < 1e-12 else phase % (math.tau / count),
@@ -225,7 +226,12 @@ def _tooth_middles(ring: Ring, center: Point, radius_um: float) -> list[float]:
             share = before / (before - after)
             turn = math.remainder(angles[k] - angles[k - 1], math.tau)
             crossings.append((angles[k - 1] + share * turn, after > 0))
-    return tooth_middles(crossings)
+    middles = []
+    for k, (angle, outward) in enumerate(crossings):
+        if outward:
+            back = crossings[(k + 1) % len(crossings)][0]
+            middles.append(angle + math.remainder(back - angle, math.tau) / 2)
+    return middles
 
 
 def _length(arcs: Sequence[Arc]) -> float:
