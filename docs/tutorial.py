@@ -68,7 +68,7 @@ def image(
 
 
 def errors(part: Outline) -> dict[str, list[float]]:
-    """Return each law's largest difference from the exact one, by `NEAR_UM`."""
+    """Return each model's largest difference from the exact one, by `NEAR_UM`."""
     window = Window(row=140, column=420, rows=200, columns=200)
     found: dict[str, list[float]] = {model: [] for model in (*MODELS, "none")}
     focused = image(part, PAPER, 0.0, "exact", window)
@@ -83,7 +83,7 @@ def errors(part: Outline) -> dict[str, list[float]]:
 
 def table(part: Outline) -> str:
     """Return the errors as a Markdown table."""
-    heads = ["law", *(f"z = {z:g} um" for z in NEAR_UM)]
+    heads = ["model", *(f"z = {z:g} um" for z in NEAR_UM)]
     rows = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     names = {"none": "defocus ignored", "product": "`product` (the paper)"}
     for model, values in errors(part).items():
@@ -147,7 +147,7 @@ def _figure_6(axes: Sequence[Axes], part: Outline) -> None:
 def _figure_7(axes: Sequence[Axes], part: Outline) -> None:
     """Draw the cross-section in focus."""
     _section(axes[0], part, 0.0)
-    axes[0].set_title("in focus: every law is the same")
+    axes[0].set_title("in focus: every model is the same")
 
 
 def _figure_8(axes: Sequence[Axes], part: Outline) -> None:
@@ -158,8 +158,8 @@ def _figure_8(axes: Sequence[Axes], part: Outline) -> None:
         _departure(below, part, z_um)
 
 
-def _figure_laws(axes: Sequence[Axes], part: Outline) -> None:
-    """Draw the laws' errors over defocus."""
+def _figure_models(axes: Sequence[Axes], part: Outline) -> None:
+    """Draw the models' errors over defocus."""
     for model, values in errors(part).items():
         label = "defocus ignored" if model == "none" else model
         dash = ":" if model == "none" else "-"
@@ -175,7 +175,7 @@ FIGURES: dict[str, tuple[Drawing, tuple[int, int], tuple[float, float]]] = {
     "tutorial-6-gear.png": (_figure_6, (1, 2), (7.0, 4.0)),
     "tutorial-7-in-focus.png": (_figure_7, (1, 1), (7.0, 3.4)),
     "tutorial-8-out-of-focus.png": (_figure_8, (2, 2), (10.0, 6.4)),
-    "tutorial-laws.png": (_figure_laws, (1, 1), (7.0, 4.2)),
+    "tutorial-models.png": (_figure_models, (1, 1), (7.0, 4.2)),
 }
 
 

@@ -9,6 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from benchmarks.localisation.information import together
 from benchmarks.localisation.scenes import SCENES, Drawn, disturbed, draws, free_names
 from benchmarks.localisation.trials import (
     SAME,
@@ -75,7 +76,7 @@ def pair_limit_squared(
     found = []
     for at in dark_to_bright(settings):
         one, other = (fisher(relit(case, each, at), camera_of(case)) for each in seen)
-        found.append(limit(one + other)["z"] ** 2)
+        found.append(limit(together(one, other))["z"] ** 2)
     return float(np.mean(found))
 
 

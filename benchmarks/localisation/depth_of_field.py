@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
+from benchmarks.localisation.information import only
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit
 from microplan.featuresel.look.scenario import LookCase
@@ -138,10 +139,10 @@ def prices(
     KeyError
         If a name is missing.
     """
-    without = limit(information.only({*wanted, *free}))
+    without = limit(only(information, {*wanted, *free}))
     cost = {}
     for name in extra:
-        given = limit(information.only({*wanted, *free, name}))
+        given = limit(only(information, {*wanted, *free, name}))
         ratios = [given[w] / without[w] for w in wanted if without[w] < math.inf]
         cost[name] = max([1.0, *ratios])
     return cost

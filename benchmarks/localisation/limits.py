@@ -8,7 +8,12 @@ from dataclasses import replace
 from functools import cache
 
 from benchmarks.localisation.depth_of_field import depth_of_field, limit_curve, prices
-from benchmarks.localisation.informative import informative
+from benchmarks.localisation.information import (
+    informative,
+    slopes_of,
+    together,
+    without,
+)
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.limits.resolution import contrast, spurious_um
@@ -45,9 +50,9 @@ def row(z_um: float) -> tuple[float, ...]:
     """Return x px, x nm, theta mdeg, z nm, zoom 1e-5, pixels %: a row of the table."""
     case = gear()
     camera, seen = camera_of(case), slopes(z_um)
-    sigma = limit(fisher(seen.only(UNKNOWN), camera))
+    sigma = limit(fisher(slopes_of(seen, UNKNOWN), camera))
     chosen = informative(
-        seen.only(("x", "y", "theta", "gain")), camera, POSE[:3], share=0.95
+        slopes_of(seen, ("x", "y", "theta", "gain")), camera, POSE[:3], share=0.95
     )
     return (
         sigma["x"] * case.microscope.px_per_um,
@@ -63,7 +68,8 @@ def pair_nm() -> float:
     """Return the limit of z from images at -10 and 10 um, each with its own light."""
     camera = camera_of(gear())
     below, above = (fisher(slopes(z), camera) for z in (-10.0, 10.0))
-    return 1e3 * limit(below.without(LIGHT) + above.without(LIGHT))["z"]
+    own = together(without(below, LIGHT), without(above, LIGHT))
+    return 1e3 * limit(own)["z"]
 
 
 def light_prices(side_px: int) -> dict[str, float]:

@@ -10,10 +10,10 @@ from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile
-from microplan.executor.record.recorded_calls import Recorded, Tape
+from microplan.executor.record.recorded_calls import CallReplay, Recorded
 from microplan.executor.record.recording import CALLS, RESUMES
 from microplan.executor.record.recovery import ResumeState, journal_in
-from microplan.executor.record.replay_station import tape_station
+from microplan.executor.record.replay_station import replay_station
 from microplan.executor.record.write_ahead_log import FILE, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import take_up
@@ -68,8 +68,8 @@ def replay(
                 f"the record is of another plan: its {key} is {head.get(key)}, this "
                 f"one's {now}",
             )
-    tape = Tape(recorded)
-    station = tape_station(tape, anyway=anyway)
+    calls = CallReplay(recorded)
+    station = replay_station(calls, anyway=anyway)
     rig = Rig(
         plan=file.plan,
         station=station,
@@ -78,7 +78,7 @@ def replay(
         journal=Journal(io.StringIO(), _Silent()),
         frames=Frames(None, wanted=bool(head.get("whole_frames"))),
     )
-    return _judged(tape, _run(rig, state, recorded))
+    return _judged(calls, _run(rig, state, recorded))
 
 
 def _state_before(recorded: Recorded) -> ResumeState | None:
@@ -120,24 +120,24 @@ def _run(rig: Rig, state: ResumeState | None, recorded: Recorded) -> RunResult:
     return run_plan(rig)
 
 
-def _judged(tape: Tape, result: RunResult) -> Replayed:
+def _judged(calls: CallReplay, result: RunResult) -> Replayed:
     """Return how far commands and outcome are the same; MP877 as it came."""
-    recorded = tape.recorded
+    recorded = calls.recorded
     if result.code == "MP877":
         raise ExecutorError("MP877", result.message)
-    words, left = tape.difference, tape.left()
-    if not words and left and not tape.broken_off:
-        words = f"command {tape.used + 1}: none any more, recorded was {left}"
+    words, left = calls.difference, calls.left()
+    if not words and left and not calls.broken_off:
+        words = f"command {calls.used + 1}: none any more, recorded was {left}"
         words += _because(result)
     if not words and not recorded.unfinished and result.code != recorded.ended:
         words = f"the run ends in {result.code or 'done'}, recorded was "
         words += recorded.ended or "done"
     return Replayed(
         commands=recorded.commands,
-        same=tape.used,
+        same=calls.used,
         difference=words,
-        apart=tape.apart,
-        broken_off=tape.broken_off,
+        apart=calls.apart,
+        broken_off=calls.broken_off,
         result=result,
     )
 
@@ -150,7 +150,7 @@ def _because(result: RunResult) -> str:
 
 
 class _Silent:
-    """Clock of a log that is not read: its calls are not on the tape."""
+    """Clock of a log that is not read: its calls are not in the recording."""
 
     def now_s(self) -> float:
         """Return 0."""

@@ -1,4 +1,4 @@
-"""Recorded calls of a run as a tape that answers them again."""
+"""Recorded calls of a run, answered again from the recording."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def is_command(name: str) -> bool:
 
 
 @dataclass(slots=True)
-class Tape:
+class CallReplay:
     """Answers calls from a record and compares the commands with those in it.
 
     Commands must come in the order in which they were given. What is asked between two

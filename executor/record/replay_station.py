@@ -11,21 +11,21 @@ from microplan.executor.devices.safety import AXES, Rules
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.devices.station_file import stays_in
 from microplan.executor.record.frames import read_png, region_data
-from microplan.executor.record.recorded_calls import Tape, numbers
+from microplan.executor.record.recorded_calls import CallReplay, numbers
 from microplan.executor.record.recording import pixels_sha256
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.plan import Region
 
 
-def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
-    """Return a station whose devices answer from a tape.
+def replay_station(calls: CallReplay, *, anyway: bool = False) -> Station:
+    """Return a station whose devices answer from a recording.
 
     Raises
     ------
     ExecutorError
         MP877 if the record does not hold what the station offered.
     """
-    head = tape.recorded.head
+    head = calls.recorded.head
     devices = head.get("devices")
     if not isinstance(devices, dict):
         raise ExecutorError("MP877", "the record names no devices")
@@ -35,38 +35,38 @@ def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
     except CodecError as error:
         raise ExecutorError("MP877", f"the record's station: {error}") from error
     return Station(
-        stage=TapeAxes(tape, "stage"),
-        robot=TapeAxes(tape, "robot") if "robot" in devices else None,
-        gripper=TapeJaws(tape, "jaws") if "jaws" in devices else None,
-        lens=TapeLens(tape, "lens"),
-        light=TapeLight(tape, "light"),
-        camera=TapeCamera(tape, "camera", anyway=anyway),
-        clock=TapeClock(tape),
+        stage=ReplayAxes(calls, "stage"),
+        robot=ReplayAxes(calls, "robot") if "robot" in devices else None,
+        gripper=ReplayJaws(calls, "jaws") if "jaws" in devices else None,
+        lens=ReplayLens(calls, "lens"),
+        light=ReplayLight(calls, "light"),
+        camera=ReplayCamera(calls, "camera", anyway=anyway),
+        clock=ReplayClock(calls),
         offer=offer,
         rules=rules,
     )
 
 
-class _TapeDevice:
-    """A device that answers from a tape."""
+class _ReplayDevice:
+    """A device that answers from a recording."""
 
-    def __init__(self, tape: Tape, name: str) -> None:
-        self._tape, self._name = tape, name
-        self.model, self.serial = f"recorded {name}", str(tape.recorded.folder)
+    def __init__(self, calls: CallReplay, name: str) -> None:
+        self._calls, self._name = calls, name
+        self.model, self.serial = f"recorded {name}", str(calls.recorded.folder)
 
     def moving(self) -> bool:
         """Return whether the device reported motion."""
-        return bool(self._tape.query(f"{self._name}.moving"))
+        return bool(self._calls.query(f"{self._name}.moving"))
 
     def stop(self) -> None:
         """Do nothing: nothing moves."""
 
     def _order(self, method: str, **given: Any) -> Mapping[str, Any]:
         """Compare a command with the record; return its row."""
-        return self._tape.command(f"{self._name}.{method}", given)
+        return self._calls.command(f"{self._name}.{method}", given)
 
 
-class TapeAxes(_TapeDevice):
+class ReplayAxes(_ReplayDevice):
     """A stage or robot; see `microplan.executor.devices.drivers.Axes`."""
 
     def start(self, **targets: float | None) -> None:
@@ -76,11 +76,11 @@ class TapeAxes(_TapeDevice):
     def reading(self) -> AxisReading:
         """Return the recorded reading."""
         name = f"{self._name}.reading"
-        values = numbers(self._tape.query(name), len(AXES), name)
+        values = numbers(self._calls.query(name), len(AXES), name)
         return AxisReading(**dict(zip(AXES, values, strict=True)))
 
 
-class TapeJaws(_TapeDevice):
+class ReplayJaws(_ReplayDevice):
     """Jaws; see `microplan.executor.devices.drivers.Gripper`."""
 
     def start(self, opening_um: float) -> None:
@@ -90,10 +90,10 @@ class TapeJaws(_TapeDevice):
     def reading(self) -> float:
         """Return the recorded opening, um."""
         name = f"{self._name}.reading"
-        return numbers([self._tape.query(name)], 1, name)[0]
+        return numbers([self._calls.query(name)], 1, name)[0]
 
 
-class TapeLens(_TapeDevice):
+class ReplayLens(_ReplayDevice):
     """Zoom and focus; see `microplan.executor.devices.drivers.Lens`."""
 
     def start_magnification(self, magnification: float) -> None:
@@ -107,11 +107,11 @@ class TapeLens(_TapeDevice):
     def reading(self) -> tuple[float, float]:
         """Return recorded magnification and focus (um)."""
         name = f"{self._name}.reading"
-        zoom, focus_um = numbers(self._tape.query(name), 2, name)
+        zoom, focus_um = numbers(self._calls.query(name), 2, name)
         return (zoom, focus_um)
 
 
-class TapeLight(_TapeDevice):
+class ReplayLight(_ReplayDevice):
     """The light; see `microplan.executor.devices.drivers.Light`."""
 
     def set_level(self, level: float) -> None:
@@ -119,11 +119,11 @@ class TapeLight(_TapeDevice):
         self._order("set_level", value=level)
 
 
-class TapeCamera(_TapeDevice):
+class ReplayCamera(_ReplayDevice):
     """The camera; see `microplan.executor.devices.drivers.Camera`."""
 
-    def __init__(self, tape: Tape, name: str, *, anyway: bool) -> None:
-        super().__init__(tape, name)
+    def __init__(self, calls: CallReplay, name: str, *, anyway: bool) -> None:
+        super().__init__(calls, name)
         self._anyway = anyway
 
     def grab(self, region: Region | None = None, *, after_s: float) -> Frame:
@@ -132,7 +132,7 @@ class TapeCamera(_TapeDevice):
         gave = row.get("gave")
         if not isinstance(gave, dict) or not isinstance(gave.get("frame"), str):
             raise ExecutorError("MP877", f"call {row['n']} of the record has no frame")
-        folder = self._tape.recorded.folder
+        folder = self._calls.recorded.folder
         path = folder / gave["frame"]
         if not stays_in(path, folder):
             raise ExecutorError("MP877", f"{gave['frame']} leaves the run folder")
@@ -144,16 +144,16 @@ class TapeCamera(_TapeDevice):
         return Frame(counts=counts, exposed_s=exposed_s)
 
 
-class TapeClock:
+class ReplayClock:
     """The recorded time; see `microplan.executor.devices.drivers.Clock`."""
 
-    def __init__(self, tape: Tape) -> None:
-        self._tape = tape
+    def __init__(self, calls: CallReplay) -> None:
+        self._calls = calls
 
     def now_s(self) -> float:
         """Return seconds as they were recorded."""
-        return self._tape.now_s()
+        return self._calls.now_s()
 
     def wait(self, seconds: float) -> None:
         """Return at once."""
-        self._tape.wait(seconds)
+        self._calls.wait(seconds)

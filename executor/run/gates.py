@@ -18,7 +18,6 @@ class GateValue:
     code: str  # of an answer that does not pass
     value: float
     limit: float
-    unit: str
     least: bool = False  # the limit is the least, not the most
 
     @property
@@ -61,13 +60,13 @@ def gates_of(
     x_um, y_um = expected.apply(*measure.offset_um)
     shift_um = math.hypot(seen.x_um - x_um, seen.y_um - y_um)
     asked = (
-        ("score", "MP821", score, limits.min_score, ""),
-        ("spread", "MP825", spread_um, limits.max_spread_um, "um"),
-        ("shift", "MP822", shift_um, limits.max_shift_um, "um"),
-        ("turn", "MP823", turn_rad, limits.max_turn_rad, "rad"),
+        ("score", "MP821", score, limits.min_score),
+        ("spread", "MP825", spread_um, limits.max_spread_um),
+        ("shift", "MP822", shift_um, limits.max_shift_um),
+        ("turn", "MP823", turn_rad, limits.max_turn_rad),
     )
     return tuple(
-        GateValue(name, code, value, limit, unit, least=name == "score")
-        for name, code, value, limit, unit in asked
+        GateValue(name, code, value, limit, least=name == "score")
+        for name, code, value, limit in asked
         if value is not None and limit is not None
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,6 @@ class _Motion:
     new: _Ends
     taken: int = 0
     halt: int | None = None  # the step after which nothing more happens
-    shown: dict[str, float] = field(default_factory=dict)
 
 
 class SimAxes:

@@ -58,10 +58,10 @@ def interior(
 
 
 def corner(turn: int) -> tuple[float, ...]:
-    """Return the corner of the two-level design at a turn, 16 of +-1.
+    """Return the corner of the two-level design at a rotation, 16 of +-1.
 
     Axes 0 to 6 are those of the group design but the gradient's direction; 7 and 8 the
-    occluder's, 9 to 14 the lens', 15 the noise. 32 turns balance each axis, and no
+    occluder's, 9 to 14 the lens', 15 the noise. 32 rotations balance each axis, and no
     axis is confounded with a pair of others (resolution IV).
     """
     signs = _signs()

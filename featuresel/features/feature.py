@@ -98,7 +98,7 @@ class Feature:
 
     @property
     def period_rad(self) -> float:
-        """Return the smallest turn that leaves it the same; 0 for what is round."""
+        """Return the smallest rotation that leaves it the same; 0 for what is round."""
         if self.symmetry_broken_by:
             return math.tau
         return math.tau / self.symmetry if self.symmetry else 0.0

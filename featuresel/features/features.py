@@ -95,7 +95,7 @@ def merge(
     avoided : sequence of Feature
         What the task forbids; whatever coincides is dropped.
     within_um : float
-        Places and sizes that are so near coincide. Both come from one drawing, which
+        Positions and sizes that are so near coincide. Both come from one drawing, which
         may say the same in other words.
 
     Raises

@@ -40,7 +40,7 @@ class Side:
         return _angle(math.atan2(-dx, dy))
 
     def rank(self, unit_um: float) -> tuple[int, ...]:
-        """Return what orders edges: the longest first, then by place, in units."""
+        """Return what orders edges: the longest first, then by position, in units."""
         x, y = _middle(self.segment.start, self.segment.end)
         values = (-self.segment.length_um, x, y, *self.segment.start)
         return tuple(round(value / unit_um) for value in values)

@@ -57,13 +57,13 @@ def curve(rings: Sequence[Clean], center_um: Point) -> RingSamples:
 
 
 def order_of(shape: RingSamples) -> tuple[int, float, int]:
-    """Return the order of the symmetry, and how alike the likeliest wrong turn is.
+    """Return the order of the symmetry, and how alike the likeliest wrong rotation is.
 
     Returns
     -------
     (int, float, int)
-        The order of all turns that meet; 1 if none does, 0 if any does. The share
-        that meets for the best of the other orders, whose turns the symmetry lacks,
+        The order of all rotations that meet; 1 if none does, 0 if any does. The share
+        that meets for the best of the other orders, whose rotations the symmetry lacks,
         and that order.
     """
     if _background(shape) >= WHOLE:
@@ -78,8 +78,8 @@ def order_of(shape: RingSamples) -> tuple[int, float, int]:
 def pattern_of(shape: RingSamples) -> tuple[int, float]:
     """Return the order of a pattern that may be interrupted, and how much of it meets.
 
-    What meets under any turn, as round parts do, does not count: 1 means that all the
-    rest meets, and less than `PATTERN` is no pattern (order 1).
+    What meets under any rotation, as round parts do, does not count: 1 means that all
+    the rest meets, and less than `PATTERN` is no pattern (order 1).
     """
     base = _background(shape)
     if base >= WHOLE:
@@ -123,7 +123,7 @@ def along(rings: Sequence[Clean], spacing_um: float) -> FloatArray:
 
 
 def _background(shape: RingSamples) -> float:
-    """Return the share that meets under turns that no pattern has."""
+    """Return the share that meets under rotations that no pattern has."""
     return max(shape.share(math.tau / n) for n in (89, 97))
 
 

@@ -24,17 +24,17 @@ _MODE = "sway_"  # begins the names of occluder modes
 
 
 def limit_um(case: LookCase) -> float | None:
-    """Return the Cramer-Rao limit of a look's place, the worse axis, as planned.
+    """Return the Cramer-Rao limit of a look's position, the worse axis, as planned.
 
     What the trials vary is unknown to the estimator too: angle, focus, zoom, light, and
-    within its spread where the occluder is, and how it is turned.
+    within its standard deviation where the occluder is, and how it is turned.
     """
     worse = max(place_limits_um(case))
     return worse if worse < float("inf") else None
 
 
 def place_limits_um(case: LookCase) -> tuple[float, float]:
-    """Return the Cramer-Rao limits of a look's place in x and y, see `limit_um`."""
+    """Return the Cramer-Rao limits of a look's position in x and y, see `limit_um`."""
     seen = _with_modes(case, sensitivities(case, names=unknowns(case)))
     occluder_modes = [name for name in seen.names if name.startswith(_MODE)]
     found = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(occluder_modes, 1.0))

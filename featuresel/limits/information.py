@@ -32,46 +32,6 @@ class Information:
         if not (np.isfinite(self.matrix).all() and np.isfinite(self.faked).all()):
             raise ValueError("matrix and faked must be finite")
 
-    def __add__(self, other: Information) -> Information:
-        """Return what two independent images tell together.
-
-        Parameters of one name are one parameter; where each image has its own, take
-        `without` it first.
-        """
-        names = self.names + tuple(n for n in other.names if n not in self.names)
-        matrix, faked = np.zeros((len(names), len(names))), np.zeros(len(names))
-        for each in (self, other):
-            at = [names.index(name) for name in each.names]
-            matrix[np.ix_(at, at)] += each.matrix
-            faked[at] += each.faked
-        return Information(names=names, matrix=matrix, faked=faked)
-
-    def only(self, names: Collection[str]) -> Information:
-        """Return what is known if all but `names` were known; KeyError if missing."""
-        at = places(self.names, names)
-        return Information(
-            names=tuple(self.names[k] for k in at),
-            matrix=self.matrix[np.ix_(at, at)],
-            faked=self.faked[at],
-        )
-
-    def without(self, names: Collection[str]) -> Information:
-        """Return what is known about the rest if nothing is known about `names`.
-
-        The Schur complement; where `names` are not observable the pseudo-inverse, which
-        leaves them out. KeyError if one is missing.
-        """
-        out = places(self.names, names)
-        stay = [k for k in range(len(self.names)) if k not in out]
-        cross = self.matrix[np.ix_(stay, out)]
-        spent, _ = inverse(self.only(names))
-        rounding = _ROUNDING * np.diag(self.matrix)[stay]
-        return Information(
-            names=tuple(self.names[k] for k in stay),
-            matrix=self.matrix[np.ix_(stay, stay)] - cross @ spent @ cross.T,
-            faked=self.faked[stay] + rounding,
-        )
-
     def with_prior(self, sigmas: Mapping[str, float]) -> Information:
         """Return it with what is known before: standard deviations by name, > 0."""
         matrix = self.matrix.copy()

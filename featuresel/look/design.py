@@ -128,8 +128,8 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
     counts change none. Three of four are scrambled Sobol points mapped to the spreads;
     each fourth is an extreme of a folded two-level design (2 sigma in focus, zoom and
     angle, the ends of the light's and the noise's intervals, nine tenths to all of
-    `search_um`). A spread that is zero leaves its axis at rest and the others where
-    they were.
+    `search_um`). A standard deviation that is zero leaves its axis at rest and the
+    others where they were.
 
     Parameters
     ----------

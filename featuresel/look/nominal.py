@@ -92,8 +92,8 @@ class NominalRender:
     ) -> FloatArray:
         """Return the noise-free region, clipped to what the sensor can tell, 0..1.
 
-        `theta_rad` is the turn away from the nominal angle. Images that were asked for
-        not long ago are given again.
+        `theta_rad` is the rotation away from the nominal angle. Images that were asked
+        for not long ago are given again.
         """
 
         def made() -> FloatArray:
@@ -139,8 +139,9 @@ class NominalRender:
     def occluder_modes(self) -> tuple[OccluderMode, ...]:
         """Return the image changes by likely displacements of the static scene.
 
-        Each owner for itself: to both sides along x and y by the spread that trials
-        have, and round the circle or to both sides where its angle is unknown.
+        Each owner for itself: to both sides along x and y by the standard deviation
+        that trials have, and round the circle or to both sides where its angle is
+        unknown.
         """
         image, through = self(), self.occluders().through
         found = [
@@ -164,7 +165,7 @@ class NominalRender:
     ) -> FloatArray:
         """Return the region with the target moved by (um, um, rad), not clipped.
 
-        The target is transformed once for all places at its own angle, and for all
+        The target is transformed once for all positions at its own angle, and for all
         heights of a pose that is asked for `again`.
         """
         case, focus_um = self.case, self.case.focus_um + dz_um

@@ -189,7 +189,7 @@ def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scen
     dx_um, dy_um : float
         Displacement of the target's reference point, world axes, um.
     dtheta_rad : float
-        Turn of the target about its reference point.
+        Rotation of the target about its reference point.
     """
     moved = moved_layers(case, dx_um, dy_um, dtheta_rad)
     return Scene(

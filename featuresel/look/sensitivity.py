@@ -81,19 +81,6 @@ class Sensitivities:
         if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("mean, slopes and errors must be finite")
 
-    def only(self, names: Sequence[str]) -> Sensitivities:
-        """Return the slopes of some names, in the order given; KeyError if unknown."""
-        unknown = [name for name in names if name not in self.names]
-        if unknown:
-            raise KeyError(f"no slopes of {unknown}, known: {self.names}")
-        index = [self.names.index(name) for name in names]
-        return replace(
-            self,
-            names=tuple(names),
-            slopes=self.slopes[index],
-            errors=self.errors[index],
-        )
-
 
 def sensitivities(
     case: LookCase,
@@ -266,7 +253,7 @@ def _difference(
 def _steps(case: LookCase, at: LookSetting) -> dict[str, float]:
     """Return the smallest step of each parameter of `POSE`.
 
-    A turn and a zoom move the farthest edge as far as a shift does.
+    A rotation and a zoom move the farthest edge as far as a shift does.
     """
     scope = case.microscope
     shift = _STEP * scope.wavelength_um / scope.aperture

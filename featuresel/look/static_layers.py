@@ -1,4 +1,4 @@
-"""Layers transformed once for many images of a look: focus, zoom and place change."""
+"""Layers transformed once for many images: focus, zoom and position change."""
 
 from __future__ import annotations
 

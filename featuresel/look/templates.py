@@ -37,8 +37,8 @@ def located(case: LookCase, found: Measurement) -> Located | Failure:
 
     The angle is that of the frame that `LookCase.theta_rad` is of: the target's own may
     be turned against it, by as much as nominally. An answer with a number that is not
-    finite is a failure, be it only a spread or the score: gates compare those, and a
-    nan passes or fails them by chance.
+    finite is a failure, be it only a standard deviation or the score: gates compare
+    those, and a nan passes or fails them by chance.
     """
     endless = _not_finite(found)
     if endless:

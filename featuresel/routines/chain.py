@@ -14,6 +14,7 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Routine,
 )
+from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.registry import load
 
 HANDOVER_SIGMAS = 3.0  # of the last position must fit into a routine's capture range
@@ -38,7 +39,7 @@ def advance(
     does not give the position leaves it and its standard deviation as they were, and
     the score is the lower one. Hand-over is gated: the code is "not_captured" where
     `HANDOVER_SIGMAS` standard deviations of the position before do not fit into the
-    routine's capture range.
+    routine's capture range. What is no image reaches no routine, see `picture.refused`.
     """
     routine, before = load(name), progress.found
     if before is not None and not _captures(routine, before):
@@ -46,7 +47,7 @@ def advance(
         message = f"{HANDOVER_SIGMAS:g} spreads of the place before it are {reach:.3g}"
         message += f" px, it captures {routine.capture_px:g} px"
         return Failure("not_captured", f"{name}: {message}")
-    found = routine.measure(image, artifact, progress.guess)
+    found = refused(image) or routine.measure(image, artifact, progress.guess)
     if isinstance(found, Failure):
         return Failure(found.code, f"{name}: {found.message}")
     if before is not None:

@@ -169,7 +169,7 @@ def _angle(seen: Sequence[SeenFeature], believed: Believed | None) -> float | No
 
 
 def _bearing(a: SeenFeature, b: SeenFeature) -> float:
-    """Return the turn from the line between two features as drawn to that seen."""
+    """Return the rotation from the line between two features as drawn to that seen."""
     (ax, ay), (bx, by) = a.offset_um, b.offset_um
     drawn = math.atan2(by - ay, bx - ax)
     seen = math.atan2(b.y_um - a.y_um, b.x_um - a.x_um)
@@ -211,7 +211,7 @@ def _scaled(
 
 
 def _tells(rows: FloatArray) -> bool:
-    """Return whether the rows determine all their columns; turns are per um of arm."""
+    """Return whether the rows determine all columns; rotations are per um of arm."""
     if len(rows) < rows.shape[1]:
         return False
     values = np.linalg.svd(rows, compute_uv=False)

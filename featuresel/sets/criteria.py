@@ -25,8 +25,8 @@ class Criteria:
     - `robustness`: the least rate of right answers that the trials do not refute,
       Clopper-Pearson, one-sided; of a set their product, as if they failed apart.
     - `uniqueness`: 1 - a, with a the largest share of the drawn edges that meets itself
-      under a wrong turn of the declared range; 0 where nothing tells two of its angles
-      apart; of a set the largest, because one unique feature is enough.
+      under a wrong rotation of the declared range; 0 where nothing tells two of its
+      angles apart; of a set the largest, because one unique feature is enough.
     - `completeness`: share of the drawn edges in view with nothing in front; of a set
       weighted by their length. None where it is not known.
     - `cost`: work of one fix, in 640 x 480 box filters; of a set the sum.
@@ -145,10 +145,10 @@ def set_criteria(
 
 
 def uniqueness(feature: Feature, theta_range_rad: float, *, angle: bool) -> float:
-    """Return 1 - the share of its edges that meets itself under a wrong turn.
+    """Return 1 - the share of its edges that meets itself under a wrong rotation.
 
-    A turn beyond the range is no wrong answer, because it is not looked for. Without a
-    wanted angle no turn is wrong.
+    A rotation beyond the range is no wrong answer, because it is not looked for.
+    Without a wanted angle no rotation is wrong.
     """
     if not angle:
         return 1.0

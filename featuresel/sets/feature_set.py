@@ -53,8 +53,8 @@ def choose_set(
     follow. If no size is good enough, the set that comes nearest is returned with what
     to relax.
 
-    Spreads of features are taken as independent: what moves all of them together, as a
-    shift of the whole image does, is no spread and belongs to the error budget.
+    Deviations of features are taken as independent: what moves all of them together, as
+    a shift of the whole image does, is none of them and belongs to the error budget.
 
     Parameters
     ----------

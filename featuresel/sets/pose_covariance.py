@@ -105,10 +105,10 @@ def measurement_of(
     feature : Feature
         In the part's frame.
     score : ChainScore
-        Of the chain that measures it, at the feature's own place. A bias that is left
-        counts as spread.
+        Of the chain that measures it, at the feature's own position. A bias that is
+        left counts as standard deviation.
     about_um : (x, y)
-        The point of the part whose place is wanted, in the part's frame.
+        The point of the part whose position is wanted, in the part's frame.
     theta_rad : float
         Nominal angle of the part.
     made_um : float
@@ -147,8 +147,8 @@ def jacobian(measured: Sequence[FeatureMeasurement], radius_um: float) -> FloatA
     Returns
     -------
     (N, 3) float64 array
-        Rows in um: places, and angles times the radius. Columns: x and y, um, and the
-        angle times the radius, um.
+        Rows in um: positions, and angles times the radius. Columns: x and y, um, and
+        the angle times the radius, um.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def covariance(measured: Sequence[FeatureMeasurement], radius_um: float) -> Floa
 def _rows(
     measured: Sequence[FeatureMeasurement], radius_um: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the Jacobian's rows and the spread of each, um."""
+    """Return the Jacobian's rows and the standard deviation of each, um."""
     if not radius_um > 0:
         raise ValueError(f"radius_um must be positive, got {radius_um}")
     rows: list[tuple[float, float, float]] = []

@@ -54,7 +54,6 @@ class TiledLayer:
     """A layer's spectrum on its tile, ready for the images of a range."""
 
     layer: Layer
-    edges: EdgeArrays
     model: str
     sampling: Sampling
     tile: PixelTile
@@ -215,7 +214,6 @@ def make_part(
         )
     return TiledLayer(
         layer=layer,
-        edges=edges,
         model=model,
         sampling=sampling,
         tile=tile,

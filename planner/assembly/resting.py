@@ -21,7 +21,6 @@ class Resting:
     """Support of a part by what is highest below it, at nominal positions."""
 
     on: tuple[str, ...]  # owners, by name; () is the stage's own surface
-    gap_um: float  # by which it falls
     beyond_um: float  # of its hull over the outer edges of what it lies on
     # of its centre of area within the edges that it may tip over; < 0: beyond them
     inside_um: float
@@ -39,15 +38,13 @@ def resting(task: Task, state: State, name: str) -> Resting:
     stage_um = task.workcell.stage.datum_z_um + state.stage.z_um
     below = [b for b in everything if _is_below(b, body, shape)]
     top_um = max((b.z_high_um for b in below), default=stage_um)
-    gap_um = body.z_low_um - max(top_um, stage_um)
     on = [b for b in below if b.z_high_um >= top_um - ROUNDING_UM]
     if not on or top_um <= stage_um:
-        return Resting(on=(), gap_um=gap_um, beyond_um=0.0, inside_um=math.inf)
+        return Resting(on=(), beyond_um=0.0, inside_um=math.inf)
     carrier = shapely.union_all([polygon(b.outline) for b in on])
     carried = shape.intersection(carrier).convex_hull
     return Resting(
         on=tuple(sorted({b.owner for b in on})),
-        gap_um=gap_um,
         beyond_um=_beyond_um(body, _filled(carrier)),
         inside_um=_inside_um(shape, carried),
     )

@@ -122,21 +122,6 @@ Kind = Literal[
 Trend = Literal["better", "worse", ""]
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
-# what a kind is about, for help and documentation
-ABOUT: Mapping[Kind, str] = {
-    "inputs": "task, workcell, drawings, seed, preset",
-    "steps": "steps and looks added, removed, reordered, or of another verb or target",
-    "feature": "features of a part or a look: added, removed, moved",
-    "motion": "where axes go, where things are thought to be, what to keep out of",
-    "choice": "routines, zoom, focus, light, method, tolerance of an alignment",
-    "learnt": "parameters that the routines chosen learnt from predicted images",
-    "feasibility": "whether the plan is feasible, and the chance of success",
-    "prediction": "errors, ranges, times and chances that the plan promises",
-    "effects": "what is modelled, at which level, what is left out",
-    "picture": "reference images, by pixel",
-    "evidence": "what trials gave, of the routines chosen and of those rejected",
-    "other": "all else",
-}
 
 
 class PathName(str):

@@ -46,12 +46,6 @@ class CameraFrame:
         cx, cy = (self.width_px - 1) / 2, (self.height_px - 1) / 2
         return f"matrix({k:.6g} 0 0 {-k:.6g} {cx:.6g} {cy:.6g})"
 
-    def px(self, x_um: float, y_um: float) -> tuple[float, float]:
-        """Return column and row of a point."""
-        k = self.px_per_um
-        cx, cy = (self.width_px - 1) / 2, (self.height_px - 1) / 2
-        return cx + k * x_um, cy - k * y_um
-
 
 def definitions(world: World) -> Element:
     """Return every body's outline once, for `body` to use."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from types import FunctionType, MethodType
 from typing import Any, ParamSpec, TypeVar
 
 from microplan.planner.store.canonical import PACKAGES, CanonicalError, decode, encode
@@ -24,7 +25,7 @@ B = TypeVar("B")
 _LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
 )  # fmt: skip
-_NOT_MEANT = frozenset({"map", "looks"})  # arguments that change no result
+_FUNCTIONS = (FunctionType, MethodType, type)  # `map` itself is a type
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +40,13 @@ class Memo:
     def call(self, function: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
         """Return what `function` returns for these arguments.
 
-        It must be pure: its result may depend on its arguments alone, those called
-        `map` and `looks` left out, and must have bytes (`canonical.encode`).
+        It must be pure: its result may depend on its arguments alone, and must have
+        bytes (`canonical.encode`). Keywords that say how to run are no part of the key:
+        functions, as a pool's map, and what is not frozen, as a cache.
         """
         if self.store is None:
             return function(*args, **kwargs)
-        meant = {k: v for k, v in kwargs.items() if k not in _NOT_MEANT}
+        meant = {k: v for k, v in kwargs.items() if not _is_means(v)}
         key = digest(_name(function), args, meant)
         for found in self._kept(key):
             kept: R = found
@@ -98,6 +100,12 @@ EVERY_TIME = Memo()  # keeps nothing, makes every call
 def digest(*values: Any) -> str:
     """Return a key for values: another one for other values, sources or libraries."""
     return hashlib.sha256(sources().encode() + encode(values)).hexdigest()
+
+
+def _is_means(argument: object) -> bool:
+    """Return whether an argument is no value: a function, or what may change."""
+    made = getattr(argument, "__dataclass_params__", None)
+    return isinstance(argument, _FUNCTIONS) or (made is not None and not made.frozen)
 
 
 def _name(function: Callable[..., Any]) -> str:

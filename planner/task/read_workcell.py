@@ -96,7 +96,6 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
         robot=from_data(Robot, {**axes["robot"], "axes": _axes(axes["robot"])}),
         tools=tools,
         servo=from_data(Servo, data["servo"]),
-        where=places(source),
         normalised=normalised,
     )
 

@@ -26,7 +26,6 @@ class PartFeature:
 
     name: str
     kind: FeatureKind
-    layer: str
     center_um: tuple[float, float]
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it

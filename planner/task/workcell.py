@@ -164,5 +164,4 @@ class Workcell:
     robot: Robot
     tools: Mapping[str, Tool]
     servo: Servo
-    where: Mapping[str, Span]  # "optics", "camera", ... for findings
     normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

@@ -32,17 +32,13 @@ def focus_for(
     return None
 
 
-def fewest_stops(
-    intervals: Sequence[Interval], epsilon_um: float = 0.0
-) -> tuple[float, ...]:
+def fewest_stops(intervals: Sequence[Interval]) -> tuple[float, ...]:
     """Return the smallest set of heights that hits every interval, lowest first.
 
     Parameters
     ----------
     intervals : sequence of (low, high)
         Heights that one feature accepts, low <= high.
-    epsilon_um : float
-        Kept from both ends of each, as far as `NARROWED` of it allows.
 
     Returns
     -------
@@ -51,7 +47,7 @@ def fewest_stops(
         in it serves any other that its end does not: none is wasted. The stop goes into
         the middle of what all that it serves share. Empty without intervals.
     """
-    left = sorted((narrowed(each, epsilon_um) for each in intervals), key=_end)
+    left = sorted(intervals, key=_end)
     stops = []
     while left:
         end = left[0][1]

@@ -72,15 +72,6 @@ class LabelBox:
             and other.top < self.bottom
         )
 
-    def holds(self, other: LabelBox) -> bool:
-        """Return whether another box lies within."""
-        return (
-            self.left <= other.left
-            and other.right <= self.right
-            and self.top <= other.top
-            and other.bottom <= self.bottom
-        )
-
     def crossed(self, line: Segment) -> bool:
         """Return whether a line runs through the box (Liang and Barsky 1984)."""
         (x0, y0), (x1, y1) = line

@@ -24,7 +24,6 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import (
     STEP_PX,
     LineEdges,
@@ -89,8 +88,6 @@ def measure(
 
     Fails if the circle is faint, cut off or of another size.
     """
-    if unfit := refused(image):
-        return unfit
     seed = _search(image, artifact, guess)
     if isinstance(seed, Failure):
         return seed

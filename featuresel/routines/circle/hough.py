@@ -18,7 +18,6 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import refused
 
 _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px
@@ -66,8 +65,6 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the circle with the most votes, px, in `image`, (rows, columns) 0..1."""
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     span = float(np.ptp(image))
     if span < _FAINT:

@@ -13,7 +13,6 @@ from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines import work
 from microplan.featuresel.routines.circle.circle_fit import FittedCircle, fit_circle
 from microplan.featuresel.routines.contract import Failure, Guess
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import cubic, median
 
 CAPTURE_PX = 3.0  # how far off the first ring of pixels still holds the rim
@@ -126,8 +125,6 @@ def approach(
     tilts with that centre's error, and each round keeps a share of it, the larger the
     wider the blur. What does not settle is refused.
     """
-    if unfit := refused(image):
-        return unfit
     at, away = guess, CAPTURE_PX
     for _ in range(_APPROACHES):
         points = rim_points(image, p, at, away)
@@ -217,7 +214,7 @@ def crossings(above: FloatArray, wanted: BoolArray) -> Crossings:
 def _between(
     above: FloatArray, wanted: BoolArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return line, place on it and whether it rises, of crossings along axis 1."""
+    """Return line, position on it and whether it rises, of crossings along axis 1."""
     near, far = above[:, 1:-2], above[:, 2:-1]
     crossed = ((near < 0) != (far < 0)) & wanted[:, 1:-2]
     line, first = np.nonzero(crossed)

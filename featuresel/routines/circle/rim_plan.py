@@ -110,8 +110,8 @@ def _part_offset(
 ) -> dict[str, float] | Failure:
     """Return how far the fit's centre is off the reference point, and its radius.
 
-    The mean over some sub-pixel places, so that it holds what the part's shape does and
-    not what one place on the pixels does.
+    The mean over some sub-pixel positions, so that it holds what the part's shape does
+    and not what one position on the pixels does.
     """
     um_per_px, found = 1 / target.px_per_um, []
     for dx, dy in _PLACES_PX:

@@ -1,4 +1,4 @@
-"""What a contour's edges look like on the nominal images: sizes, places, filters."""
+"""What a contour's edges look like on the nominal images: sizes, positions, filters."""
 
 from __future__ import annotations
 
@@ -91,10 +91,10 @@ class Views:
     ) -> tuple[FloatArray, ScoredPose]:
         """Return the image, (rows, columns) 0..1, and the pose it shows.
 
-        A turn that is not observable is drawn anyhow.
+        A rotation that is not observable is drawn anyhow.
 
-        `rolled_px` is that of the rim, or, of turns that are not observable, the share
-        of their range.
+        `rolled_px` is that of the rim, or, of rotations that are not observable, the
+        share of their range.
         """
         target, order, k = self.target, self.model.order, self.target.px_per_um
         turn = seen_turn = rolled_px / rim_px(self.model.points)
@@ -123,9 +123,9 @@ def calibrated(
 
     At one pose alone, edges along pixel rows would all have one sampling error. The
     bias is the rms of what is not noise in a fit, px per axis and rad: of sampling, of
-    what moves against the target, and of focus errors of one sigma; where turns are not
-    observable, of what breaks the symmetry unseen too. `image` is the nominal one. None
-    if the fit fails on the target's own images.
+    what moves against the target, and of focus errors of one sigma; where rotations are
+    not observable, of what breaks the symmetry unseen too. `image` is the nominal one.
+    None if the fit fails on the target's own images.
     """
     shown = [views.at(*moved) for moved in _POSES]
     lines = _mean_lines(views, shown, _fit_width(image, views.target, seen))

@@ -40,7 +40,6 @@ class ContourFit:
     scale: float  # over nominal
     spread_px: float  # the larger of the two axes
     spread_theta_rad: float
-    used: float  # share of the points in view that the fit rests on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +85,6 @@ def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Fail
         scale=float(pose[3]),
         spread_px=math.sqrt(float(max(variance[0], variance[1]))),
         spread_theta_rad=math.sqrt(float(variance[2])),
-        used=float(used.sum() / in_view.sum()),
     )
 
 
@@ -127,7 +125,7 @@ def cast(
 
 
 def _design(lines: Lines, pose: FloatArray) -> FloatArray:
-    """Return (N, 4): what x, y (up), turn and scale move each edge by along its line.
+    """Return (N, 4): what x, y (up), rotation and scale move each edge by on its line.
 
     A column of zeros stands for what is not fitted.
     """

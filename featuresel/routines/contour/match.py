@@ -46,7 +46,6 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import refused
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
@@ -114,10 +113,9 @@ def measure(
     """Return position, px, and angle in `image`, (rows, columns) 0..1.
 
     Fails if the match is poor, ambiguous or out of view. The angle is None if the
-    contour is round, or if no edge in sight distinguishes the turns of its symmetry.
+    contour is round, or if no edge in sight distinguishes the rotations of its
+    symmetry.
     """
-    if unfit := refused(image):
-        return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
         return Failure("outside", f"an image of {image.shape} px")
     points = artifact.arrays["points"].astype(np.float64)
@@ -200,7 +198,7 @@ def _angles(p: Mapping[str, float], points: FloatArray) -> FloatArray:
 def _matched(
     image: FloatArray, artifact: Artifact, points: FloatArray, guess: Guess
 ) -> ScoredPose | Failure:
-    """Return the best pose to about a pixel, at the turn that the edges confirm."""
+    """Return the best pose to about a pixel, at the rotation that the edges confirm."""
     p = artifact.parameters
     shrink = int(p["shrink"])
     angles = _angles(p, points)
@@ -306,7 +304,7 @@ def _low(agreed: float, least: float) -> Failure:
 def _choose_turn(
     fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
 ) -> ScoredPose | Failure:
-    """Return the pose at the one turn that the symmetry's breach confirms."""
+    """Return the pose at the one rotation that the symmetry's breach confirms."""
     p = artifact.parameters
     breaking = points[artifact.arrays["breaking"] > 0]
     angles = list(_turned(p, pose, breaking))

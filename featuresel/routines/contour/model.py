@@ -1,4 +1,4 @@
-"""A drawing as a matcher sees it: points, expected gradients, and what turns do to it.
+"""A drawing as a matcher sees it: points, expected gradients, effects of rotations.
 
 Points are (N, 5) arrays: x, y in px of the target's frame (y up, at theta 0), the unit
 vector from dark to bright there, and the weight. Directions of gradients are as
@@ -31,7 +31,7 @@ _ANY_RAD = tuple(0.11 + 2 * math.pi * k / 31 for k in range(31))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContourModel:
-    """What is matched, and what turns do to it."""
+    """What is matched, and what rotations do to it."""
 
     points: FloatArray  # (N, 5), see the module
     order: int  # of the rotational symmetry of most of it; 1: none, 0: round
@@ -91,8 +91,8 @@ def _symmetry(
 ) -> tuple[int, BoolArray]:
     """Return the order of the symmetry of points seen, and which of them break it.
 
-    All are (N, 4), places and normals. A partner may be any point that is drawn: what
-    light or blur hide does not turn with the part.
+    All are (N, 4), positions and normals. A partner may be any point that is drawn:
+    what light or blur hide does not turn with the part.
     """
     nothing = np.zeros(len(own), dtype=np.bool_)
     if len(own) < 3:

@@ -52,7 +52,7 @@ class Prediction:
 def predict(
     render: LookModel, target: Target, *, image: FloatArray | None = None
 ) -> Prediction:
-    """Return polarity, contrast and place of the target's edges at nominal pose.
+    """Return polarity, contrast and position of the target's edges at nominal pose.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def profiles(image: FloatArray, where: FloatArray, half_px: float) -> FloatArray
 
 
 def worth(image: FloatArray, where: FloatArray, seen: Prediction) -> float:
-    """Return the log determinant of position and turn by the kept edges, px.
+    """Return the log determinant of position and rotation by the kept edges, px.
 
     `image` is (rows, columns), `where` (N, M) px.
 
@@ -155,9 +155,9 @@ def _through(
 def _edges(
     image: FloatArray, where: FloatArray, width_px: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (step, offset): response at the drawn place, and its nearest extremum.
+    """Return (step, offset): response at the drawn position, and its nearest extremum.
 
-    The extremum is sought uphill from the drawn place and along the response's sign
+    The extremum is sought uphill from the drawn position and along the response's sign
     there; it is nan where the search leaves the profile.
     """
     kernel = edge_kernel(width_px)

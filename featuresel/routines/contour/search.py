@@ -224,7 +224,7 @@ def climb_work(points: float, *, turns: bool) -> float:
 def scan(
     found: Field, points: FloatArray, at: ScoredPose, angles_rad: Sequence[float]
 ) -> FloatArray:
-    """Return the scores (A,) of the angles at one place."""
+    """Return the scores (A,) of the angles at one position."""
     return np.array([score(found, points, at.column, at.row, a) for a in angles_rad])
 
 

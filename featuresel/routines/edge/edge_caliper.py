@@ -32,7 +32,6 @@ from microplan.featuresel.routines.edge.faces import (
     predicted,
     rough_turn,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 _SPARSE = 4  # lines are skipped for the rough turn
@@ -48,7 +47,7 @@ _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
-    """Return the faces in view, with step, filter width and calibrated place of each.
+    """Return the faces in view, each with step, filter width and calibrated position.
 
     The inner faces and one tip are needed; the outer faces help where they are in view.
     """
@@ -79,8 +78,6 @@ def measure(
 
     Fails if a face is missing or misplaced.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
     inner_faces = [face_numbers(p)[name] for name in SIDES[:2]]
@@ -185,11 +182,12 @@ def _pair(side: str) -> tuple[str, str]:
 def _pose(
     found: Mapping[str, MeasuredFace], p: Mapping[str, float]
 ) -> tuple[float, float, float]:
-    """Return (x, y, turn) of the grip against where it was sought, its own frame.
+    """Return (x, y, rotation) of the grip against where it was sought, its own frame.
 
-    A turn by t changes each face's slope by t; a shift moves its offset by the shift's
-    part along the normal, and the turn moves the stretch's middle by t times its lever.
-    Lines weigh by their number; the pairs of faces keep x free of the opening.
+    A rotation by t changes each face's slope by t; a shift moves its offset by the
+    shift's part along the normal, and the rotation moves the stretch's middle by t
+    times its lever. Lines weigh by their number; the pairs of faces keep x free of the
+    opening.
     """
     sides = [name for name in SIDES if name in found]
     turn = float(

@@ -193,7 +193,7 @@ def rough_turn(
     *,
     sparse: Callable[[Mapping[str, float]], int],
 ) -> float:
-    """Return the turn from nominal, rad, by the start that meets faces squarest.
+    """Return the rotation from nominal, rad, by the start that meets faces squarest.
 
     In an image, (rows, columns) 0..1, every `sparse`-th line of a face is measured.
     """

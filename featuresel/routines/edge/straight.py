@@ -30,7 +30,6 @@ from microplan.featuresel.routines.edge.faces import (
     off_search,
     rough_turn,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
@@ -66,8 +65,8 @@ def prepare_faces(
     Returns
     -------
     Artifact or Failure
-        "range" if any turn is possible, "no_edge" if an edge is out of view or faint,
-        "ambiguous" if another one like it lies within the search.
+        "range" if any rotation is possible, "no_edge" if an edge is out of view or
+        faint, "ambiguous" if another one like it lies within the search.
     """
     if target.theta_range_rad > MOST_TURN_RAD:
         return Failure(
@@ -95,8 +94,6 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
 
     Fails if an edge is missing, bent or out of range.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     if min(image.shape) < 4:
         return Failure("outside", f"an image of {image.shape} px")
@@ -241,11 +238,11 @@ class Fix:
 def solve(
     found: Mapping[str, MeasuredFace], faces: Mapping[str, Numbers], *, breathes: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (x, y, turn, grown), (4,) px and rad, and its covariance, (4, 4).
+    """Return (x, y, rotation, grown), (4,) px and rad, and its covariance, (4, 4).
 
     In the target's own frame, px with y up. A shift moves an edge's offset by its part
-    along the normal; a turn by t changes its slope by -t and the offset at the middle
-    of its stretch by -t times that. What no edge tells is 0.
+    along the normal; a rotation by t changes its slope by -t and the offset at the
+    middle of its stretch by -t times that. What no edge tells is 0.
     """
     rows, right, residuals = [], [], []
     for name, one in found.items():

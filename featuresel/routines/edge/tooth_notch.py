@@ -17,7 +17,6 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import cubic
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
@@ -77,8 +76,6 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the angle in `image`, (rows, columns) 0..1, at the guess's position."""
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     teeth = _teeth(image, artifact, guess)
     if isinstance(teeth, Failure):

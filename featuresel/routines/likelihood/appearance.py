@@ -1,4 +1,4 @@
-"""How a target looks at any place, turn, focus and zoom, read from planes made once."""
+"""A target's look at any position, rotation, focus and zoom, read from planes."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class TargetLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turned:
-    """Pixels of N cells at T turns, and the target's light there; (T, N) each."""
+    """Pixels of N cells at T rotations, and the target's light there; (T, N) each."""
 
     columns: IntArray
     rows: IntArray
@@ -70,7 +70,7 @@ class Turned:
 
 @dataclass(frozen=True, slots=True)
 class _Taps:
-    """The 16 cells of a template that a spline at each of N places reads."""
+    """The 16 cells of a template that a spline at each of N positions reads."""
 
     cells: IntArray  # (4 down, 4 across, N)
     weights: tuple[Float32Array, Float32Array]  # across, down; (4, N) each
@@ -152,14 +152,14 @@ class Appearance:
         *,
         rough: bool = False,
     ) -> Turned:
-        """Return the light of the pixels that some cells fall on, at many turns.
+        """Return the light of the pixels that some cells fall on, at many rotations.
 
         Parameters
         ----------
         pose : Pose
-            Place, focus and zoom; its turn does not matter.
+            Position, focus and zoom; its rotation does not matter.
         turns : (T,) float array
-            Turns from the template, rad.
+            Rotations from the template, rad.
         cells : (N,) int array
             Of the template, by `some_cells`.
         shape : (rows, columns)
@@ -191,7 +191,7 @@ class Appearance:
         *,
         rough: bool = False,
     ) -> FloatArray:
-        """Return the target's light at pixels (T, N) at turns (T,), see `turned`."""
+        """Return the target's light at (T, N) pixels, (T,) rotations, see `turned`."""
         c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
         u, v, k = columns - pose.column, rows - pose.row, self.over / pose.zoom
         taps = self._taps(
@@ -227,7 +227,7 @@ class Appearance:
         return self._slopes(pose, columns, rows, (value, by_x, by_y, by_z))
 
     def _taps(self, x: FloatArray, y: FloatArray) -> _Taps:
-        """Return the cells around (N,) places in the template, in samples."""
+        """Return the cells around (N,) positions in the template, in samples."""
         left = np.clip(np.floor(x), 1, self.shape[1] - 3)
         top = np.clip(np.floor(y), 1, self.shape[0] - 3)
         start = ((top - 1) * self.shape[1] + left - 1).astype(np.intp)
@@ -276,7 +276,7 @@ class Appearance:
         )
 
     def _focused(self, pose: ImagePose) -> Float32Array:
-        """Return coefficients of all cells at a focus and turn, and by focus."""
+        """Return coefficients of all cells at a focus and rotation, and by focus."""
         z_um = abs(pose.z_um) if self.is_even else pose.z_um
         at = slope_at = self._basis(z_um)
         slopes = slope_at.slopes / self.step_um
@@ -298,7 +298,7 @@ class Appearance:
         return focused
 
     def _waves(self, turns: FloatArray) -> FloatArray:
-        """Return the weights of the planes' harmonics at some turns, (harmonics, T)."""
+        """Return the weights of the planes at some rotations, (harmonics, T)."""
         waves = np.stack((np.ones(len(turns)), np.cos(4 * turns), np.sin(4 * turns)))
         return waves[: self.planes.shape[1]]
 

@@ -57,8 +57,8 @@ class Free:
         """Return the weights, (P + 3,), per px^2 or rad^2, that hold a pose at nominal.
 
         (P + 3,); only so much that what cannot be seen stays nominal. Occluder modes
-        are drawn as they are spread: they are many, and images hardly determine some of
-        them.
+        are drawn by their standard deviations: they are many, and images hardly
+        determine some of them.
         """
         weights, z = np.zeros(self.numbers + 3), _LOOSE * self.z_sigma_um
         fronts = self.front_sigmas or (0.0, 0.0)
@@ -212,30 +212,27 @@ def misfits(
     pose: ImagePose,
     turns: FloatArray,
     cells: IntArray,
-    *,
-    rough: bool = False,
 ) -> FloatArray:
-    """Return chi squared a pixel at some turns under the best light, by some cells.
+    """Return chi squared a pixel at some rotations under the best light, by some cells.
 
-    Infinite where nearly all of them are out of view.
+    Infinite where nearly all of them are out of view. The target's light is the rough
+    one of `microplan.featuresel.routines.likelihood.appearance.Appearance.turned`.
 
     Parameters
     ----------
     job : Job
         The images.
     pose : Pose
-        Where the target is; its turn does not matter.
+        Where the target is; its rotation does not matter.
     turns : (T,) float array
-        Turns from the template, rad.
+        Rotations from the template, rad.
     cells : (N,) int array
         Of the template.
-    rough : bool
-        See `microplan.featuresel.routines.likelihood.appearance.Appearance.turned`.
     """
     values, targets, weights = [], [], []
     for view in job.views:
         here = at(pose, view)
-        seen = job.looks.turned(here, turns, cells, job.shape, rough=rough)
+        seen = job.looks.turned(here, turns, cells, job.shape, rough=True)
         mean = seen.value
         if job.front is not None:
             light, through = job.front.plain(here, seen.columns, seen.rows)
@@ -261,14 +258,14 @@ def try_each(
     depths: Sequence[float],
     zooms: Sequence[float],
 ) -> ImagePose:
-    """Return the pose with the turn, focus and zoom that fit best, first of equals."""
+    """Return the pose with the best rotation, focus and zoom, the first of equals."""
     best, least = pose, math.inf
     for z_um in depths:
         cells = job.looks.some_cells(z_um, _SOME)
         for zoom, side in itertools.product(zooms, job.sides):
             front = None if job.front is None else OccluderBlur(focus_um=side * z_um)
             here = replace(pose, z_um=z_um, zoom=zoom, front=front)
-            found = misfits(job, here, np.array(turns), cells, rough=True)
+            found = misfits(job, here, np.array(turns), cells)
             k = int(np.argmin(found))
             if found[k] < least:
                 best, least = replace(here, turn_rad=turns[k]), float(found[k])
@@ -278,7 +275,7 @@ def try_each(
 def _lights(
     value: FloatArray, target: FloatArray, weight: FloatArray, free: Free
 ) -> FloatArray:
-    """Return gain and gradients at each turn, (T, 3), by plain least squares."""
+    """Return gain and gradients at each rotation, (T, 3), by plain least squares."""
     rows = target if free.gradient else target[:, :1]
     weighted = rows * weight[:, None]
     normal = weighted @ rows.transpose(0, 2, 1)

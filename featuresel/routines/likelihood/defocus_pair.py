@@ -1,8 +1,8 @@
 """Signed depth from images on both sides of focus, fitted as one.
 
 One image does not tell on which side of focus a face lies, and near focus hardly how
-far off. A pair, or a stack, taken at known distances tells both: place, angle, zoom and
-light are shared, and only the focus differs.
+far off. A pair, or a stack, taken at known distances tells both: position, angle, zoom
+and light are shared, and only the focus differs.
 """
 
 from __future__ import annotations

@@ -149,7 +149,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
 
 
 def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:
-    """Return whether a turn within the target's range changes the image."""
+    """Return whether a rotation within the target's range changes the image."""
     turn = min(target.theta_range_rad, math.pi / max(target.symmetry, 1)) / 2
     rim_px = target.parameters.get("radius_um", 0.0) * target.px_per_um
     if turn == 0 or 4 * turn * rim_px > _MOST_ARC_PX:
@@ -159,7 +159,7 @@ def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:
 
 
 def _within(target: Target) -> list[float]:
-    """Return some turns within the target's range."""
+    """Return some rotations within the target's range."""
     return [share * target.theta_range_rad for share in _SHARES]
 
 
@@ -181,7 +181,7 @@ def _turning(
 def _odd_px(
     model: LookModel, target: Target, heights_um: tuple[float, ...]
 ) -> FloatArray:
-    """Return pixels that a turn by whole periods changes, (2, N) off the target's.
+    """Return pixels that a rotation by whole periods changes, (2, N) off the target's.
 
     At some focus heights: blur spreads what they show.
     """
@@ -193,13 +193,13 @@ def _odd_px(
 
 
 def _turned_px(places_px: FloatArray, turn_rad: float) -> FloatArray:
-    """Return places (2, N) and what the template shows there after a turn, (2, 2 N)."""
+    """Return positions (2, N), and the template there after a rotation, (2, 2 N)."""
     c, s = math.cos(turn_rad), math.sin(turn_rad)
     return np.concatenate((places_px, np.array([[c, -s], [s, c]]) @ places_px), axis=1)
 
 
 def _cells(places_px: FloatArray, made: Artifact) -> npt.NDArray[np.float32]:
-    """Return the template's cells at places (2, N), those that are kept."""
+    """Return the template's cells at positions (2, N), those that are kept."""
     where, over = made.arrays["cells"], int(made.parameters["over"])
     column, row = over * places_px + [
         [(where.shape[1] - 1) // 2],

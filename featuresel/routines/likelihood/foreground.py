@@ -1,7 +1,7 @@
 """Occluders of a target's light, read at any focus from maps made once.
 
-Its place is known to some um and its angle may be any, while its blur is wide: what it
-then changes is a sum of few images, the principal ones of its covariance. A fit that
+Its position is known to some um and its angle may be any, while its blur is wide: what
+it then changes is a sum of few images, the principal ones of its covariance. A fit that
 frees their amounts learns from the image where the occluder really is.
 """
 
@@ -57,9 +57,9 @@ def front_maps(
 
     Notes
     -----
-    A line through what each pixel shows against the target alone, at nine places of the
-    target, near nominal and as far as it is sought: what covers or shades it, what is
-    seen next to it, and what shades what. The slope is that of `LookModel.occluders`
+    A line through what each pixel shows against the target alone, at nine positions of
+    the target, near nominal and as far as it is sought: what covers or shades it, what
+    is seen next to it, and what shades what. The slope is that of `LookModel.occluders`
     where the target's light hardly varies.
     """
     if float(np.abs(image - np.clip(model.alone(), 0, 1)).max()) < _SAME:
@@ -280,7 +280,7 @@ class Front:
         return np.asarray(value @ self.through[four, rows, columns])
 
     def _places(self, zoom: float, columns: IntArray, rows: IntArray) -> _Places:
-        """Return what the zoom shows in pixels, as places of the maps."""
+        """Return what the zoom shows in pixels, as positions of the maps."""
         if zoom == 1.0:
             return _Places(left=columns, top=rows)
         return _Places.between(
@@ -292,7 +292,7 @@ class Front:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Places:
-    """Places of maps, (...): at pixels, or between four of them."""
+    """Positions of maps, (...): at pixels, or between four of them."""
 
     left: IntArray
     top: IntArray
@@ -301,7 +301,7 @@ class _Places:
 
     @classmethod
     def between(cls, shape: tuple[int, ...], x: FloatArray, y: FloatArray) -> _Places:
-        """Return places that need not be at pixels; at the border, the border."""
+        """Return positions that need not be at pixels; at the border, the border."""
         height, width = shape
         x = np.asarray(np.clip(x, 0, width - 1.001))
         y = np.asarray(np.clip(y, 0, height - 1.001))

@@ -45,7 +45,6 @@ from microplan.featuresel.routines.likelihood.pose_start import (
     other_turns,
     start_pose,
 )
-from microplan.featuresel.routines.picture import refused
 
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
@@ -63,8 +62,6 @@ def measure(
 
     Fails if too little of the image fits.
     """
-    if unfit := refused(image):
-        return unfit
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
@@ -108,8 +105,6 @@ def measure_step(
 
     Fails if that step is longer than a step may be.
     """
-    if unfit := refused(image):
-        return unfit
     if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
         return Failure("no_focus", "one step needs to know the focus")
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
@@ -163,7 +158,7 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
 def _at_mark(
     job: ImageComparison, found: PoseFit, cells: IntArray, range_rad: float
 ) -> PoseFit | Failure:
-    """Return the fit at that of the equal turns which what breaks the symmetry tells.
+    """Return the fit at the one of equal rotations that the symmetry's breach confirms.
 
     Half a period too: beyond the first sign change of the transfer function teeth and
     gaps swap.

@@ -250,7 +250,7 @@ def _used(
 def _read(
     places_px: FloatArray | None, grid: _TemplateGrid, shape: tuple[int, ...]
 ) -> BoolArray:
-    """Return the cells that pixels nearest to some places, (2, N), may fall on."""
+    """Return the cells that pixels nearest to some positions, (2, N), may fall on."""
     read = np.zeros(shape, np.uint8)
     if places_px is not None:
         cells = np.rint(grid.over * places_px + np.array(grid.middle)[:, None])

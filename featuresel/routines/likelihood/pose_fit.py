@@ -59,7 +59,7 @@ class PoseFit:
 
     @property
     def sigma(self) -> FloatArray:
-        """Return standard deviations of column, row, turn, z and zoom, (5,).
+        """Return standard deviations of column, row, rotation, z and zoom, (5,).
 
         What the model leaves unexplained counts as more noise.
         """
@@ -299,7 +299,7 @@ def _modes(job: ImageComparison, front: OccluderBlur) -> FloatArray:
 def _moved_px(
     job: ImageComparison, place_px: float, turn_rad: float, zoom: float
 ) -> float:
-    """Return the farthest that a move, turn or zoom takes anything in the template."""
+    """Return how far a move, rotation or zoom takes anything in the template."""
     rim_px = max(job.looks.shape) / 2 / job.looks.over
     return max(place_px, abs(turn_rad) * rim_px, abs(zoom) * rim_px)
 

@@ -1,4 +1,4 @@
-"""Starts of a pose fit: focus, zoom, angle, which of a pattern's equal turns."""
+"""Starts of a pose fit: focus, zoom, angle, which of a pattern's equal rotations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ENOUGH = 200  # cells: of the gear they tell 5000 and more up to 25 um out of f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """How much of what breaks a pattern's symmetry shows at T turns."""
+    """How much of what breaks a pattern's symmetry shows at T rotations."""
 
     share: FloatArray  # (T,) 1: all of it, 0: the pattern goes on; -inf: out of view
     contrast: FloatArray  # (T,) chi squared between the two
@@ -36,16 +36,16 @@ class Marks:
 def marks(
     job: ImageComparison, found: PoseFit, turns: FloatArray, cells: IntArray
 ) -> Marks:
-    """Return how much of a pattern's mark an image shows at some turns.
+    """Return how much of a pattern's mark an image shows at some rotations.
 
     Parameters
     ----------
     job : Job
         The images.
     found : PoseFit
-        What fits best, at any of the turns.
+        What fits best, at any of the rotations.
     turns : (T,) float array
-        Turns from the template, rad.
+        Rotations from the template, rad.
     cells : (N,) int array
         Of the template: where the mark is.
 
@@ -84,18 +84,18 @@ def is_marked(found: Marks) -> bool:
 
 
 def farthest_rad(symmetry: int) -> float:
-    """Return the turn by whole periods that leads farthest away, rad."""
+    """Return the rotation by whole periods that leads farthest away, rad."""
     return 2 * math.pi / symmetry * round(symmetry / 2)
 
 
 def equal_turns(turn_rad: float, symmetry: int) -> FloatArray:
-    """Return (N,) equal turns of a pattern, half a period off too, rad."""
+    """Return (N,) equal rotations of a pattern, half a period off too, rad."""
     steps = np.array([0.0, -0.5, 0.5, *range(1, symmetry)])
     return np.asarray(turn_rad + steps * 2 * math.pi / symmetry)
 
 
 def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArray:
-    """Return the (N,) other equal turns of a pattern within a range, rad."""
+    """Return the (N,) other equal rotations of a pattern within a range, rad."""
     turns = turn_rad + 2 * math.pi / symmetry * np.arange(1, int(symmetry))
     turns = np.remainder(turns + math.pi, 2 * math.pi) - math.pi
     within: FloatArray = turns[np.abs(turns) <= range_rad]
@@ -158,7 +158,7 @@ def _zooms(job: ImageComparison, p: Mapping[str, float]) -> list[float]:
 def _turns(
     job: ImageComparison, p: Mapping[str, float], guess: Guess
 ) -> list[float] | Failure:
-    """Return turns to start at: a measured one, or all about an assumed one."""
+    """Return rotations to start at: a measured one, or all about an assumed one."""
     if not p["turns"]:
         return [0.0]
     middle = 0.0

@@ -1,8 +1,9 @@
-"""The target alone as a cubic spline over place, focus and the turn of the pixels.
+"""The target alone as a cubic spline over position, focus and rotation of the pixels.
 
 A template is rendered at points; a pixel's square is laid over it afterwards. For one
 turned by phi the square's transform is a0 + a4 cos 4(alpha + phi) + ... over the
-direction alpha of a frequency, so three planes give the light of a pixel at any turn.
+direction alpha of a frequency, so three planes give the light of a pixel at any
+rotation.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def plane_coefficients(
     Returns
     -------
     (1 or 3, rows, columns) float64 array
-        Planes for 1, cos 4 phi and sin 4 phi, phi being the template's turn
+        Planes for 1, cos 4 phi and sin 4 phi, phi being the template's rotation
         counter-clockwise against the pixels; the first alone for pixels along its axes.
         What leaves one border comes in at the other.
     """

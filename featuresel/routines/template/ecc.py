@@ -23,7 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import cut, half_px, refused
+from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.ecc_search import (
     FAINT,
     REACH_PX,
@@ -59,8 +59,8 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the nominal template, and its information about position and angle.
 
     The angle is not sought where nothing shows it, the scale not where it moves
-    nothing. What bilinear sampling makes of sub-pixel places is measured on the render
-    and goes into the spread.
+    nothing. What bilinear sampling makes of sub-pixel positions is measured on the
+    render and goes into the standard deviation.
     """
     image = render()
     half = half_px(target, image.shape, _CAPTURE_PX)
@@ -97,8 +97,6 @@ def measure(
 
     Fails if the guess is far off or the images differ.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     if p["turns"] and guess.theta_rad is None:
         return Failure("no_angle", "needs an angle to start from")
@@ -170,7 +168,7 @@ def _pulled_px(template: FloatArray) -> float:
 def _locked_px(
     render: LookModel, target: Target, artifact: Artifact
 ) -> float | Failure:
-    """Return the rms error per axis without noise, over some places and turns.
+    """Return the rms error per axis without noise, over some positions and rotations.
 
     Turned edges cross pixels at all phases: it is largest where nothing turns.
     """
@@ -243,7 +241,7 @@ def _measurement(found: TemplatePose, artifact: Artifact) -> Measurement:
     """Return the reference point's pose from the template's.
 
     The residual's share of the contrast is 1 / score^2 - 1; what the slopes make of it
-    is the spread.
+    is the standard deviation.
     """
     p = artifact.parameters
     dx, dy = turned((p["offset_column_px"], p["offset_row_px"]), found.turned_rad)

@@ -1,4 +1,4 @@
-"""A template's place and turn in an image, by OpenCV's correlation steps."""
+"""A template's position and rotation in an image, by OpenCV's correlation steps."""
 
 from __future__ import annotations
 

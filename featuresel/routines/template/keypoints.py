@@ -23,7 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import half_px, refused
+from microplan.featuresel.routines.picture import half_px
 
 _FAINT = 0.05  # span of values below which there is nothing to describe
 _THRESHOLD = 5e-4  # of the detector; its default finds next to nothing on smooth edges
@@ -66,8 +66,6 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the motion, px, most matches agree on in `image`, (rows, columns) 0..1."""
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     if float(np.ptp(image)) < _FAINT or min(image.shape) < 16:
         return Failure("no_contrast", "the image is blank or tiny")

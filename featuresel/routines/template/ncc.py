@@ -19,7 +19,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import cut, half_px, refused
+from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
     SURE_SCORE,
@@ -89,8 +89,6 @@ def measure(
 
     Its angle too, where that is searched.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     shrink = int(p["shrink"])
     matched = _match(_shrunk(image, shrink), artifact, guess)
@@ -155,7 +153,7 @@ def _answer(
     *,
     turned: float = 0.0,
 ) -> Measurement:
-    """Return the reference point's place from that of the template's middle pixel."""
+    """Return the position of the reference point by that of the template's middle."""
     p = artifact.parameters
     dx, dy = p["offset_column_px"], p["offset_row_px"]
     c, s = math.cos(turned), math.sin(turned)  # rows go down: the turn is mirrored
@@ -169,7 +167,7 @@ def _answer(
 
 
 def _angles(target: Target, half: tuple[int, int], shrink: int) -> FloatArray:
-    """Return turns away from nominal so close that the rim moves by `_STEP_PX`."""
+    """Return rotations away from nominal so close that the rim moves by `_STEP_PX`."""
     if target.kind == "circle":
         return np.zeros(1)
     limit = min(target.theta_range_rad, math.pi / max(target.symmetry, 1))
@@ -190,7 +188,7 @@ def _shrunk(image: FloatArray, shrink: int) -> FloatArray:
 def _match(
     small: FloatArray, artifact: Artifact, guess: Guess
 ) -> tuple[float, float, float, float] | Failure:
-    """Return (column, row, turn, score) of the best match, px of the full image."""
+    """Return (column, row, rotation, score) of the best match, px of the full image."""
     p, templates = artifact.parameters, artifact.arrays["templates"]
     shrink = p["shrink"]
     part = _part(small, artifact, guess, templates.shape[1:])
@@ -214,7 +212,7 @@ def _match(
 
 
 def _scores(searched: Float32Array, template: npt.NDArray[np.float32]) -> Float32Array:
-    """Return the correlation coefficient at every place of the template."""
+    """Return the correlation coefficient at every position of the template."""
     scores = cv2.matchTemplate(searched, template, cv2.TM_CCOEFF_NORMED)
     return np.asarray(scores, dtype=np.float32)
 

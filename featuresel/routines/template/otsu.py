@@ -21,7 +21,6 @@ from microplan.featuresel.routines.contract import (
     Target,
 )
 from microplan.featuresel.routines.contract import Measurement as Found
-from microplan.featuresel.routines.picture import refused
 
 Find = Callable[[FloatArray, Guess], Found | Failure]
 
@@ -42,8 +41,8 @@ LEAST_PX = 0.01  # six images tell a spread to a third of it
 def spread_px(render: LookModel, target: Target, find: Find) -> float | None:
     """Return the rms error per axis of a centroid, px; None if most are not found.
 
-    Over poses between pixels, turns and focus errors as the trials have them, each with
-    the camera's noise. Light gradients are not among them.
+    Over poses between pixels, rotations and focus errors as the trials have them, each
+    with the camera's noise. Light gradients are not among them.
     """
     rng = np.random.default_rng(_SEED)
     errors = []
@@ -92,7 +91,7 @@ class _Blob:
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
-    """Return the blob's area, polarity, centroid from the reference point, spread."""
+    """Return area, polarity, centroid off the reference point, standard deviation."""
     blobs = _blobs(render(), bright=target.bright)
     if isinstance(blobs, Failure):
         return blobs
@@ -135,8 +134,6 @@ def measure(
 
     Fails if no blob, or more than one, fits.
     """
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     blobs = _blobs(image, bright=p["bright"] > 0)
     if isinstance(blobs, Failure):
@@ -190,7 +187,7 @@ def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:
 def _fits(
     blob: _Blob, artifact: Artifact, guess: Guess, offset: tuple[float, float]
 ) -> bool:
-    """Return whether area, place and border agree with the prediction."""
+    """Return whether area, position and border agree with the prediction."""
     p = artifact.parameters
     away = math.hypot(
         blob.column - offset[0] - guess.column, blob.row - offset[1] - guess.row

@@ -23,7 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
     Target,
 )
-from microplan.featuresel.routines.picture import cut, half_px, refused
+from microplan.featuresel.routines.picture import cut, half_px
 
 _LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing
@@ -55,8 +55,6 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the phase correlation's peak, px, in `image`, (rows, columns) 0..1."""
-    if unfit := refused(image):
-        return unfit
     p = artifact.parameters
     template = artifact.arrays["template"].astype(np.float64)
     rows, columns = template.shape

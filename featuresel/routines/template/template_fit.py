@@ -1,4 +1,4 @@
-"""Least-squares fit of a template's place, angle and scale under any even light."""
+"""Least-squares fit of a template's position, angle and scale under any even light."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ def refine(
     image : (rows, columns) float array
         The image.
     template : (2 K + 1, 2 L + 1) float array
-        The template at turn 0.
+        The template at rotation 0.
     start : (column, row, turn)
-        Where the template's middle pixel is, px, and its turn, rad counter-clockwise
-        as displayed.
+        Where the template's middle pixel is, px, and its rotation, rad
+        counter-clockwise as displayed.
     shrink : int
         Images `shrink` times smaller are fitted first, then half of that, down to 1.
     least_score : float
@@ -123,7 +123,7 @@ def _fit(
     *,
     turns: bool,
 ) -> tuple[FloatArray, float] | Failure:
-    """Return (column, row, turn, scale) and correlation, by Gauss-Newton.
+    """Return (column, row, rotation, scale) and correlation, by Gauss-Newton.
 
     Only every `stride`-th pixel of the template is compared. Slopes are the image's: a
     template sharper than it would be stepped along too shortly to settle.
@@ -181,7 +181,8 @@ def _moved(
 ) -> tuple[FloatArray, FloatArray]:
     """Return where the template's pixels are in the image.
 
-    Rows go down, so a counter-clockwise turn takes (u, v) to (c u + s v, c v - s u).
+    Rows go down, so a counter-clockwise rotation takes (u, v) to (c u + s v, c v - s
+    u).
     """
     c, s = pose[3] * math.cos(pose[2]), pose[3] * math.sin(pose[2])
     return pose[0] + c * u + s * v, pose[1] + c * v - s * u
@@ -199,7 +200,7 @@ def _moves(
     unit: tuple[FloatArray, FloatArray],
     pose: FloatArray,
 ) -> FloatArray:
-    """Return how the values change with column, row, turn and scale, (N, 4).
+    """Return how the values change with column, row, rotation and scale, (N, 4).
 
     The last two move the rim by 1 px. `remap` rounds to 1/32 px: enough for a slope.
     """
@@ -218,7 +219,7 @@ def _moves(
 
 
 def _solved(design: FloatArray, seen: FloatArray, *, turns: bool) -> FloatArray:
-    """Return the least-squares solution; the turn stays where it is not sought."""
+    """Return the least-squares solution; the rotation stays where it is not sought."""
     if not turns:
         design[:, 2] = 0.0
     gram = design.T @ design

@@ -23,9 +23,9 @@ from microplan.executor.devices.station import Offer, Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames, read_png, write_png
 from microplan.executor.record.plan_file import PlanFile
-from microplan.executor.record.recorded_calls import Tape, read_record
+from microplan.executor.record.recorded_calls import CallReplay, read_record
 from microplan.executor.record.recording import CallRecorder, plain
-from microplan.executor.record.replay_station import tape_station
+from microplan.executor.record.replay_station import replay_station
 from microplan.executor.record.write_ahead_log import FileStore, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
@@ -429,13 +429,13 @@ def test_the_offer_comes_back_as_it_was() -> None:
 
 
 def test_the_rules_of_a_replay_are_those_of_the_run(built: Path, ran: Path) -> None:
-    station = tape_station(Tape(read_record(ran / "calls.jsonl")))
+    station = replay_station(CallReplay(read_record(ran / "calls.jsonl")))
     cell = build_cell(read_world(built / "world.json"), 0)
     assert station.rules == cell.station.rules
 
 
 def test_waiting_ends_where_the_record_says_no_more(ran: Path) -> None:
-    clock = tape_station(Tape(read_record(ran / "calls.jsonl"))).clock
+    clock = replay_station(CallReplay(read_record(ran / "calls.jsonl"))).clock
     times = [clock.now_s() for _ in range(50)]
     assert times == sorted(times)
     clock.wait(20.0)

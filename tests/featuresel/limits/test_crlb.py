@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import poisson
 
-from benchmarks.localisation.informative import informative
+from benchmarks.localisation.information import informative, only, together, without
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher, weights
 from microplan.featuresel.limits.information import limit
@@ -269,7 +269,7 @@ def test_masked_pixels_tell_nothing(look: Look) -> None:
     assert set(limit(fisher(seen, camera, mask=left)).values()) == {BLIND}
     left[:, :33] = True
     whole = fisher(seen, camera)
-    halves = fisher(seen, camera, mask=left) + fisher(seen, camera, mask=~left)
+    halves = together(*(fisher(seen, camera, mask=m) for m in (left, ~left)))
     np.testing.assert_allclose(halves.matrix, whole.matrix, rtol=1e-12, atol=1e-6)
     one = limit(fisher(seen, camera, mask=left))
     assert all(one[name] > limit(whole)[name] for name in seen.names)
@@ -291,12 +291,13 @@ def test_pair_about_focus_knows_z_from_both_sides(look: Look) -> None:
         for z in (-8.0, 0.0, 8.0)
     )
     assert limit(focus)["z"] == BLIND
-    shared, own = near + far, near.without(light) + far.without(light)
+    shared = together(near, far)
+    own = together(without(near, light), without(far, light))
     # x and z do not mix about a symmetric target: two equal images
     assert limit(own)["z"] == pytest.approx(limit(near)["z"] / math.sqrt(2), rel=1e-3)
     # of one lamp both images' z have opposite signs against gain and offset
     assert limit(shared)["z"] <= limit(own)["z"]
-    assert limit(own + focus.without(light))["x"] < limit(own)["x"]
+    assert limit(together(own, without(focus, light)))["x"] < limit(own)["x"]
 
 
 @pytest.mark.parametrize("share", [0.5, 0.98, 1.0])
@@ -328,7 +329,7 @@ def test_lens_that_shifts_with_focus_hides_the_place_until_z_is_known(
     case = replace(small(look), lens=LensErrors(lateral_x=0.01))
     told = fisher(sensitivities(case, names=("x", "y", "z")), camera_of(case))
     assert limit(told)["x"] == limit(told)["z"] == BLIND
-    alone = limit(told.only(("x", "y")))
+    alone = limit(only(told, ("x", "y")))
     assert limit(told)["y"] == pytest.approx(alone["y"], rel=1e-3)
     # z known to 1 um is x known to .01 um
     known = limit(told.with_prior({"z": 1.0}))["x"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.localisation.depth_of_field import prices
+from benchmarks.localisation.information import only
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit
@@ -56,6 +57,6 @@ def test_a_gradient_costs_where_pixels_are_few(look: Look) -> None:
     cost = prices(found, ("x", "y", "z"), free=("gain",), extra=LIGHT)
     assert cost["gain"] == 1.0
     assert cost["gradient_x"] > 1.01
-    assert limit(found)["x"] > limit(found.only(("x", "gain")))["x"]
+    assert limit(found)["x"] > limit(only(found, ("x", "gain")))["x"]
     with pytest.raises(KeyError, match="offset"):
         prices(INFORMATION, ("x",), extra=("offset",))

@@ -14,6 +14,7 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import NominalRender, nominal_render
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
@@ -168,13 +169,13 @@ def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
 
 @every_pair
 def test_what_is_no_image_is_refused(name: str, kind: TargetKind) -> None:
-    artifact, routine = prepared(name, kind), load(name)
+    artifact = prepared(name, kind)
     if isinstance(artifact, Failure):
         assert artifact.code
         return
     for label, image in degenerate(kind):
         image.setflags(write=False)
-        found = routine.measure(image, artifact, start(kind))
+        found = measure_chain(image, [(name, artifact)], start(kind))
         assert isinstance(found, Failure), (label, found)
         assert found.code, label
         assert found.message, label

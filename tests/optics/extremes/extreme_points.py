@@ -207,7 +207,7 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "exact": _exact,
     "transfer": _transfer,
     "table": _table,
-    "law_error": lambda g: model_error_bound(g["model"], optics_of(g), g["z_um"]),
+    "model_error": lambda g: model_error_bound(g["model"], optics_of(g), g["z_um"]),
     **{
         name: _number(name)
         for name in (

@@ -101,17 +101,17 @@ def exact(
     return 4 / mp.pi * value
 
 
-def law_at(model: str, x: float, z_um: float, aperture: float = 0.42) -> Number:
+def model_at(model: str, x: float, z_um: float, aperture: float = 0.42) -> Number:
     """Return a rung's transfer at A, n = 1 and .6 um."""
     mp = mpmath()
     A = mp.mpf(aperture)
     near = mp.mpf(z_um) * A**2 / 2 / mp.mpf(0.6)
     rim = mp.mpf(z_um) * (1 - mp.sqrt(1 - A**2)) / mp.mpf(0.6)
-    laws: dict[str, Callable[[], Number]] = {
+    models: dict[str, Callable[[], Number]] = {
         "geometric": lambda: geometric(x, near),
         "product": lambda: product(x, near),
         "stokseth": lambda: stokseth(x, rim),
         "hopkins": lambda: hopkins(x, rim),
         "exact": lambda: exact(x, z_um, aperture),
     }
-    return laws[model]()
+    return models[model]()

@@ -45,7 +45,7 @@ def _choices() -> Iterator[Entry]:
     for focus in ([0.0], [1e6]):
         given = {"focus_um": focus, "limit": 1e-9}
         yield entry(
-            "fidelity.rung", 0, 0, "empty scene: the first law will do", **given
+            "fidelity.rung", 0, 0, "empty scene: the first model will do", **given
         )
         yield entry("fidelity.predicted", 0, 0, "empty scene: no error", **given)
     for z in (0.0, 100.0):

@@ -23,7 +23,7 @@ from tests.optics.extremes.high_precision import (
     geometric,
     hopkins,
     jinc,
-    law_at,
+    model_at,
     mpmath,
     product,
     stokseth,
@@ -53,25 +53,25 @@ MP50 = "mpmath, 50 digits"
 MP24 = "mpmath, 24 digits, the overlap in two dimensions"
 
 
-def _closed_laws() -> Iterator[Entry]:
+def _closed_models() -> Iterator[Entry]:
     for x in (0.0, TINY, 1e-300, 1e-12, 0.5, BELOW, 1.0, ABOVE, 1e300):
         value = diffraction(x)
         # near the end acos(1 - d) is as good as d, an ulp in the argument itself
         allowed = float(value) * (1e-12 if x == BELOW else ROUNDING)
         where = "0 beyond the cutoff" if x >= 1 else f"{MP50}, closed form"
         yield entry("diffraction", value, allowed, where, x=x)
-    laws: tuple[tuple[str, Callable[[float, float], Number]], ...] = (
+    models: tuple[tuple[str, Callable[[float, float], Number]], ...] = (
         ("geometric", geometric),
         ("product", product),
         ("stokseth", stokseth),
     )
-    for name, law in laws:
+    for name, model in models:
         for x, w in (
             (TINY, 1000.0), (0.5, 0.0), (0.5, 1e-12), (0.3, 1000.0), (BELOW, 1000.0),
             (1.0, 0.3),
         ):  # fmt: skip
             # a phase of q rad is rounded to 2e-16 q, and |jinc'| <= 1.6 q**-1.5
-            yield entry(name, law(x, w), ROUNDING, f"{MP50}, closed form", x=x, w=w)
+            yield entry(name, model(x, w), ROUNDING, f"{MP50}, closed form", x=x, w=w)
     for q in (0.999e-3, 1.001e-3):
         x = q / (8 * math.pi)
         yield entry(
@@ -152,17 +152,17 @@ def _tables() -> Iterator[Entry]:
     for model in MODELS:
         for x, z, x_max in ((0.37, 0.0, 1.0), (0.37, 1e-12, 1.0), (1.3e-7, 1e6, 1e-4)):
             yield entry(
-                "table", law_at(model, x, z), 2e-5,
-                "mpmath, the law itself; stated error of the table",
+                "table", model_at(model, x, z), 2e-5,
+                "mpmath, the model itself; stated error of the table",
                 model=model, x=x, z_um=z, x_max=x_max,
             )  # fmt: skip
         yield entry(
-            "transfer", law_at(model, 0.2, 1e-12), 1e-13, "mpmath, the law itself",
+            "transfer", model_at(model, 0.2, 1e-12), 1e-13, "mpmath, the model itself",
             model=model, x=0.2, z_um=1e-12,
         )  # fmt: skip
 
 
-def _law_errors() -> Iterator[Entry]:
+def _model_errors() -> Iterator[Entry]:
     for model, z, a, value, why in (
         ("hopkins", 0.0, 0.42, 2e-5, "in focus: the table's error alone"),
         ("product", 1e-12, 0.42, 2e-5, "in focus: the table's error alone"),
@@ -170,7 +170,7 @@ def _law_errors() -> Iterator[Entry]:
         ("geometric", 1.0, 0.999, 1.0, "1 where nobody has measured it"),
     ):
         given = {"model": model, "z_um": z, "aperture": a}
-        yield entry("law_error", value, 1e-12, why, **given)
+        yield entry("model_error", value, 1e-12, why, **given)
 
 
 def _numbers() -> Iterator[Entry]:
@@ -390,8 +390,8 @@ def entries() -> list[Entry]:
     mp = mpmath()
     mp.mp.dps = 50
     makers = (
-        _closed_laws, _hopkins_points, _exact_points, _tables, _law_errors, _numbers,
-        _coefficients, _images, _sensor, _jacobians, chains,
+        _closed_models, _hopkins_points, _exact_points, _tables, _model_errors,
+        _numbers, _coefficients, _images, _sensor, _jacobians, chains,
     )  # fmt: skip
     return [found for maker in makers for found in maker()]
 

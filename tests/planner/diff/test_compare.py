@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from microplan.planner.diff.changes import ABOUT, KINDS, PlanChange, is_number
+from microplan.planner.diff.changes import PlanChange, is_number
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.tolerances import parse_rule, unit_of
 from microplan.schemas.plan import Plan, parse_plan
@@ -292,7 +292,3 @@ def test_a_drawing_of_a_part_called_arrays_is_compared() -> None:
 
     (found,) = compare_plans(plan(edit("1")), plan(edit("2")))
     assert found.kind == "inputs"
-
-
-def test_every_kind_is_explained() -> None:
-    assert set(ABOUT) == set(KINDS)

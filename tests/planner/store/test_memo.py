@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from microplan.featuresel.trials.trial_cache import Looks
 from microplan.planner.store import memo as memos
+from microplan.planner.store.canonical import CanonicalError
 from microplan.planner.store.memo import Memo, digest
 from microplan.planner.store.store import Store
 from microplan.schemas.pose import Pose
@@ -63,8 +65,10 @@ def test_each_item_is_worked_on_once(memo: Memo) -> None:
 def test_how_work_is_spread_is_no_other_call(memo: Memo) -> None:
     memo.call(turned, POSE, map=map)
     memo.call(turned, POSE, map=lambda *_: ())
-    memo.call(turned, POSE, looks=object())
+    memo.call(turned, POSE, looks=Looks())
     assert len(made) == 1
+    with pytest.raises(CanonicalError):  # what is neither value nor known to be a cache
+        memo.call(turned, POSE, looks=object())
 
 
 def test_without_a_store_every_call_is_made() -> None:

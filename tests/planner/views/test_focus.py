@@ -52,8 +52,8 @@ def fewest_by_trying(wanted: Sequence[Interval]) -> int:
 def test_no_smaller_set_of_stops_hits_every_interval(
     wanted: list[Interval], epsilon_um: float
 ) -> None:
-    stops = fewest_stops(wanted, epsilon_um)
     kept = [narrowed(each, epsilon_um) for each in wanted]
+    stops = fewest_stops(kept)
     assert all(any(a <= stop <= b for stop in stops) for a, b in kept)
     assert len(stops) == fewest_by_trying(kept)
     assert list(stops) == sorted(stops)
@@ -63,9 +63,10 @@ def test_no_smaller_set_of_stops_hits_every_interval(
 def test_a_stop_keeps_off_the_ends_of_what_it_serves(wanted: list[Interval]) -> None:
     wide = [(a, b + 4.0) for a, b in wanted]
     for a, b in wide:
-        for stop in fewest_stops(wide, 1.0):
-            assert not (a <= stop < a + 1.0 and (stop,) == fewest_stops([(a, b)], 1.0))
-    assert fewest_stops([(0.0, 10.0)], 1.0) == (5.0,)
+        alone = fewest_stops([narrowed((a, b), 1.0)])
+        for stop in fewest_stops([narrowed(each, 1.0) for each in wide]):
+            assert not (a <= stop < a + 1.0 and (stop,) == alone)
+    assert fewest_stops([(0.0, 10.0)]) == (5.0,)
     assert narrowed((0.0, 2.0), 1.0) == (2.0 * NARROWED, 2.0 * (1 - NARROWED))
 
 
