@@ -43,6 +43,10 @@ from benchmarks.localisation.record import (  # noqa: E402
 from benchmarks.localisation.scenes import CONDITIONS, FITTED  # noqa: E402
 from benchmarks.localisation.times import times  # noqa: E402
 from benchmarks.localisation.trials import Part, Unit  # noqa: E402
+from microplan.featuresel.routines.likelihood import (  # noqa: E402
+    defocus_pair,
+    likelihood,
+)
 
 # What `make bench` measures, one unit each.
 SAMPLE = (
@@ -57,11 +61,11 @@ SAMPLE = (
     ("pair_same", "gear", "plain", 5.0),
 )
 _CODE = {
-    "likelihood": (localisation_trials, "likelihood"),
-    "likelihood_same": (localisation_trials, "likelihood"),
-    "one_step": (localisation_trials, "one_step"),
-    "pair": (localisation_depth, "defocus_pair"),
-    "pair_same": (localisation_depth, "defocus_pair"),
+    "likelihood": (localisation_trials, likelihood),
+    "likelihood_same": (localisation_trials, likelihood),
+    "one_step": (localisation_trials, likelihood),
+    "pair": (localisation_depth, defocus_pair),
+    "pair_same": (localisation_depth, defocus_pair),
 }
 
 
@@ -108,7 +112,7 @@ def _pair(unit: Unit) -> tuple[Unit, Part]:
 def _modules(way: str) -> tuple[str, str]:
     """Return the modules whose code a result depends on."""
     module, routine = _CODE[way]
-    return module.__name__, f"microplan.featuresel.routines.{routine}"
+    return module.__name__, routine.__name__
 
 
 def _part(value: dict[str, Any]) -> Part:

@@ -5,14 +5,22 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.figures import Benchmark
-from benchmarks.localisation.convergence import BENCHMARK, SAMPLE, main, measure_all
+from benchmarks.localisation.convergence import (
+    BENCHMARK,
+    SAMPLE,
+    _modules,
+    main,
+    measure_all,
+)
 from benchmarks.localisation.points import HEIGHTS_UM, PART, costs, lines, points, units
+from benchmarks.localisation.record import code_of
 from benchmarks.localisation.scenes import (
     CONDITIONS,
     FITTED,
@@ -51,6 +59,13 @@ def test_all_points_have_all_their_trials() -> None:
             fits = [trials["likelihood", scene, condition, z] for z in HEIGHTS_UM]
             none = scene == condition == "fingers"  # they do not hide themselves
             assert fits == [0 if none else 1500] * 4
+
+
+@pytest.mark.parametrize("way", sorted({unit.way for unit in units(1500)}))
+def test_a_result_depends_on_the_code_of_its_routine(way: str) -> None:
+    modules = [import_module(name) for name in _modules(way)]
+    assert all(hasattr(module, "__path__") is False for module in modules)
+    assert len(code_of(*_modules(way))) == 16
 
 
 def test_a_part_s_images_depend_on_nothing_but_the_unit() -> None:
