@@ -51,6 +51,11 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def exists(path: Path) -> bool:
+    """Return whether a path leads to anything."""
+    return is_file(path) or is_folder(path)
+
+
 def stays_in(path: Path, folder: Path) -> bool:
     """Return whether a path leads into a folder, links followed."""
     try:

@@ -415,3 +415,5 @@ def test_seed_and_faults_belong_to_the_built_in_cell(
     err = capsys.readouterr().err
     assert err.count("error[MP804]") == 2
     assert "no fault is called 'fire'" in err
+    assert main([str(plan), "--station", "sim", "--inject", "ligt_out"]) == 2
+    assert "'ligt_out', did you mean 'light_out'?" in capsys.readouterr().err
