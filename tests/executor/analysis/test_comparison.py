@@ -92,7 +92,7 @@ def test_right_predictions_are_rarely_refuted(plan: Plan) -> None:
 
 @pytest.mark.parametrize(
     ("name", "factor", "check"),
-    [("looks", 2.5, "looks"), ("time", 1.4, "time"), ("time", 0.7, "time"),
+    [("cycles", 2.5, "looks"), ("time", 1.4, "time"), ("time", 0.7, "time"),
      ("success", 0.5, "success"), ("error", 2.5, "true error")],
 )  # fmt: skip
 def test_a_wrong_prediction_is_refuted(
