@@ -6,9 +6,9 @@ python docs/picture.py build/demo/plan build/demo/run docs/images/overview.png
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -147,4 +147,8 @@ def run(axis: Axes, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*(Path(word) for word in sys.argv[1:4]))
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ("plan", "run", "picture"):
+        parser.add_argument(name, type=Path)
+    call = parser.parse_args()
+    main(call.plan, call.run, call.picture)

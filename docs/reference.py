@@ -6,6 +6,7 @@ should be.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import textwrap
@@ -177,10 +178,13 @@ def _wrapped(page: str) -> str:
 
 def main() -> int:
     """Write the pages, or tell which are not what they should be."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    checking = parser.parse_args().check
     wrong = []
     for name, page in PAGES.items():
         file, text = FOLDER / f"{name}.md", _wrapped(page())
-        if "--check" not in sys.argv:
+        if not checking:
             FOLDER.mkdir(exist_ok=True)
             file.write_text(text, encoding="utf-8", newline="\n")
         elif not file.is_file() or file.read_text(encoding="utf-8") != text:

@@ -107,7 +107,8 @@ def _help(action: argparse.Action) -> str:
     """Return what an argument is for; several may be given where that is so."""
     text = (action.help or "").replace("%%", "%")
     repeated = isinstance(action, argparse._AppendAction)  # noqa: SLF001
-    return text + ("; may be given several times" if repeated else "")
+    more = "; may be given several times"
+    return text + (more if repeated and more not in text else "")
 
 
 def _anchor(text: str) -> str:

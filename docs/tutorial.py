@@ -6,6 +6,7 @@ where the paper's model of the microscope departs from the exact one.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -181,6 +182,7 @@ FIGURES: dict[str, tuple[Drawing, tuple[int, int], tuple[float, float]]] = {
 
 def main() -> int:
     """Write the pictures and the page; return 0."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     part = gear()
     for name, (draw, shape, size) in FIGURES.items():
         figure = Figure(figsize=size, layout="constrained")

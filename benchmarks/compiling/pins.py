@@ -63,7 +63,7 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
         magnification=0.0, seen=seen, within_um=0.0, key="", before=before
     )
     hole = seen.get(owner_of(insert.step.target or ""))
-    within = tolerance_um(changed, states, align, hole, Report())
+    within = tolerance_um(changed, states, align, hole)
     choice = method_of(changed, states, align, within, seen, Report(), before)
     memory = replace(memory, within_um=within, choice=choice)
     left, goal = left_of(changed, states, insert, memory), share_of_goal(changed)

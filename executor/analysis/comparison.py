@@ -114,10 +114,10 @@ def _figures(step: Step, runs: Sequence[RunFolderSummary]) -> list[Figure]:
     rows = [row for run in runs if (row := run.step(step.id)) is not None]
     sigma_um, limit_um = _first(rows, "expected_sigma_um"), _first(rows, "limit_um")
     control = step.control
-    cycles = None if control is None else control.expected_cycles
+    looks = None if control is None else control.expected_cycles
     time_s = None if control is None else predicted_s(control)
     wanted = (
-        ("cycles", "cycles", "", cycles, None),
+        ("looks", "cycles", "", looks, None),
         ("time", "time_s", "s", time_s, None),
         ("error", "error_um", "um", None, limit_um),
         ("spread", "spread_um", "um", sigma_um, None),
@@ -205,7 +205,7 @@ def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
     interval = f"{about.low:.3g}..{about.high:.3g}" if about.count > 1 else "one run"
     return Check(
         step=step,
-        name="cycles",
+        name="looks",
         predicted=f"{control.expected_cycles:.3g}",
         found=f"{about.mean:.3g}, {interval}",
         chance=min(1.0, 2 * min(more, fewer)),

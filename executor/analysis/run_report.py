@@ -295,7 +295,9 @@ def _servo_figure(step: str, errors: list[float], limit: float | None) -> Elemen
         "correction.",
         judge="Good: it falls below the dashed tolerance within a few looks; bad: it "
         "swings or creeps.",
-        do="If it swings, lower the gain or check the stage's settling time.",
+        do="If it swings, lower `servo.gain` of workcell.yaml or check the stage's "
+        "settling time; where the tolerance is near the axes' repeatability, further "
+        "looks are chance: allow a wider one, or use finer axes.",
     )
     return figure(caption, drawing)
 

@@ -332,8 +332,9 @@ def _answer() -> str:
 
 def _tell(error: ExecutorError, plan_file: Path) -> None:
     """Print a finding."""
-    tell(f"error[{error.code}]: {error.message}")
-    tell(f"  --> {error.place or plan_file}")
+    for each in (error, *error.others):
+        tell(f"error[{each.code}]: {each.message}")
+        tell(f"  --> {each.place or plan_file}")
     tell(f"   = {CODES[error.code][0]}")
     tell(f"   = more: microplan explain {error.code}")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from microplan.executor.cli.arguments import build_parser
 from microplan.executor.cli.select_station import SIMULATED
-from microplan.executor.devices.station_file import is_folder
+from microplan.executor.devices.station_file import exists, is_folder
 
 NO_STATION = ("replay", "compare", "report")  # they touch no device
 
@@ -83,7 +83,8 @@ def _station(found: argparse.Namespace) -> str:
     """Return whether a mode lacks its station, or has one that it does not touch."""
     mode = found.mode
     if mode not in NO_STATION and not found.station:
-        return f"--mode {mode} needs --station"
+        told = f"--mode {mode} needs --station; --station sim is the simulated cell"
+        return told if exists(found.plan) else f"there is no {found.plan}; {told}"
     if mode in NO_STATION and (found.station or found.faults):
         return f"--mode {mode} touches no device: leave --station and --inject out"
     return ""

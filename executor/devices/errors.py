@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -86,6 +87,8 @@ class ExecutorError(Exception):
         A routine's own failure code, "" if there is none.
     place : path, optional
         The file or folder that is at fault; None: the plan.
+    others : sequence of ExecutorError
+        What else is wrong, where all mistakes of a file are told at once.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class ExecutorError(Exception):
         *,
         cause: str = "",
         place: str | Path | None = None,
+        others: Sequence[ExecutorError] = (),
     ) -> None:
         if code not in CODES:
             raise ValueError(f"unknown code {code!r}")
@@ -103,6 +107,7 @@ class ExecutorError(Exception):
         self.message = message
         self.cause = cause
         self.place = place
+        self.others = tuple(others)
 
     def append(self, more: str) -> None:
         """Add to the message what became known later."""
@@ -124,6 +129,12 @@ def failing(
         yield
     except kinds as error:
         raise ExecutorError(code, f"{path}: {why(error)}", place=path) from error
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Return ", did you mean 'x'?" for the known word nearest to `word`, or ""."""
+    near = difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)
+    return f", did you mean {near[0]!r}?" if near else ""
 
 
 def why(error: Exception) -> str:

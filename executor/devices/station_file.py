@@ -17,8 +17,8 @@ from typing import Any, cast
 
 from microplan.executor.devices.calibration import Calibration, ZoomPoint
 from microplan.executor.devices.device_values import CheckedClock
-from microplan.executor.devices.errors import ExecutorError, why
-from microplan.executor.devices.loading import ROLES, build, check_role, load, part_of
+from microplan.executor.devices.errors import ExecutorError, meant, why
+from microplan.executor.devices.loading import ROLES
 from microplan.executor.devices.safety import (
     PHASES,
     Phase,
@@ -29,8 +29,10 @@ from microplan.executor.devices.safety import (
     Speeds,
 )
 from microplan.executor.devices.station import Offer, Station
-from microplan.executor.devices.tables import Table
+from microplan.executor.devices.tables import Mistakes, Table
 from microplan.executor.devices.timeouts import WallClock
+from microplan.executor.devices.toml_lines import key_lines
+from microplan.executor.devices.wiring import driver_of, source_of
 
 
 def is_file(path: Path) -> bool:
@@ -47,6 +49,11 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except OSError:
         return False
+
+
+def exists(path: Path) -> bool:
+    """Return whether a path leads to anything."""
+    return is_file(path) or is_folder(path)
 
 
 def stays_in(path: Path, folder: Path) -> bool:
@@ -83,11 +90,12 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
     Raises
     ------
     ExecutorError
-        MP812 with file, key, what was found and what is allowed; MP813 if a driver
-        cannot be loaded.
+        MP812 with file, line, key, what was found and what is allowed, about every
+        mistake of the file; MP813 if a driver cannot be loaded.
     """
     source, data = _parsed(path)
-    top = Table(str(path), "", data)
+    mistakes = Mistakes(file=str(path), lines=key_lines(_text(source)))
+    top = Table(str(path), "", data, mistakes)
     version = top.whole("microplan_station")
     if version != FORMAT:
         top.refuse("microplan_station", f"found {version}", f"allowed: {FORMAT}")
@@ -95,16 +103,20 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
     folders = {"{plan}": str(plan_folder), "{station}": str(path.parent)}
     # what the file says is checked before any driver is touched
     wanted = top.table("devices")
-    roles = tuple(wanted.names())
-    _check_roles(wanted, roles)
+    roles = _roles(wanted)
     offer, rules = _offer(top, roles), _rules(top, roles)
     hub_tables = top.table("hubs")
-    hubs_wanted = {hub: hub_tables.table(hub) for hub in hub_tables.names()}
-    top.finish()
-    hubs = {
-        hub: _made(table, f"hubs.{hub}", folders) for hub, table in hubs_wanted.items()
+    hubs_wanted = {
+        hub: driver_of(hub_tables.table(hub), folders) for hub in hub_tables.names()
     }
-    devices = {role: _device(wanted.table(role), role, hubs, folders) for role in roles}
+    devices_wanted = {
+        role: source_of(wanted.table(role), role, tuple(hubs_wanted), folders)
+        for role in roles
+    }
+    top.finish()
+    mistakes.check()
+    hubs = {hub: asked.made() for hub, asked in hubs_wanted.items()}
+    devices = {role: asked.device(role, hubs) for role, asked in devices_wanted.items()}
     clock = devices.get("clock")
     station = Station(
         stage=devices["stage"],
@@ -126,57 +138,31 @@ def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
         if not stat.S_ISREG(path.stat().st_mode):  # a pipe is read once, and not locked
             raise ExecutorError("MP812", f"{path}: it is no file", place=path)
         source = path.read_bytes()
-        return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
+        return source, tomllib.loads(_text(source))
     except (OSError, ValueError) as error:  # so are faults of UTF-8, TOML, digits
         raise ExecutorError("MP812", f"{path}: {why(error)}", place=path) from error
     except RecursionError as error:
         raise ExecutorError("MP812", f"{path}: nested too deep", place=path) from error
 
 
-def _check_roles(wanted: Table, roles: tuple[str, ...]) -> None:
-    """Every device must have a role, and the needed ones must be there."""
-    for role in roles:
-        if role not in ROLES:
-            wanted.refuse(role, "no such device", "allowed: " + ", ".join(ROLES))
+def _text(source: bytes) -> str:
+    """Return the text of a file."""
+    return source.decode("utf-8").replace("\r\n", "\n")
+
+
+def _roles(wanted: Table) -> tuple[str, ...]:
+    """Return the roles of the devices; others, and needed ones missing, are refused."""
+    names = tuple(wanted.names())
+    absent = set(ROLES) - set(names)
+    for name in names:
+        if name not in ROLES:
+            known = "allowed: " + ", ".join(ROLES)
+            wanted.refuse(name, f"no such device{meant(name, absent)}", known)
+            absent = {role for role in absent if not meant(name, (role,))}
     for role in NEEDED:
-        if role not in roles:
-            wanted.refuse(role, "it is missing", "a table is needed")
-
-
-def _made(table: Table, key: str, folders: Mapping[str, str]) -> Any:
-    """Return what a driver's table names, made with the rest of its keys."""
-    driver = table.text("driver")
-    options = {k: _filled(v, folders) for k, v in table.rest().items()}
-    return build(load(driver, key), key, options)
-
-
-def _filled(value: Any, folders: Mapping[str, str]) -> Any:
-    """Return an option with the names of folders filled in."""
-    if isinstance(value, str):
-        for name, folder in folders.items():
-            value = value.replace(name, folder)
-    return value
-
-
-def _device(
-    table: Table, role: str, hubs: Mapping[str, Any], folders: Mapping[str, str]
-) -> Any:
-    """Return one device: its own driver, or a part of a hub."""
-    key = f"devices.{role}"
-    if not table.has("hub"):
-        device = _made(table, key, folders)
-    else:
-        hub = table.text("hub")
-        if hub not in hubs:
-            known = ", ".join(hubs) or "none"
-            table.refuse("hub", f"found {hub!r}", f"allowed: {known}")
-        part = table.text("part", role)
-        table.finish()
-        device = part_of(hubs[hub], part, key)
-        if device is None:
-            raise ExecutorError("MP813", f"{key}: hub {hub!r} has no {part!r}")
-    check_role(device, role, key)
-    return device
+        if role in absent:
+            wanted.lacks(role, "a table is needed")
+    return tuple(name for name in names if name in ROLES)
 
 
 def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
@@ -253,13 +239,13 @@ def _rules(top: Table, roles: tuple[str, ...]) -> Rules:
         safety=_safety(top.table("safety")),
     )
     for table, read in (
-        (stage, ("limits", "theta_axis_um")),
-        (robot, ("limits",)),
-        (lens, ("magnification", "focus_um")),
+        (stage, ()),
+        (robot, ("limits",)),  # there may be no robot that has them
+        (lens, ()),
         (jaws, ("opening_um",)),
     ):
         for name in read:
-            table.has(name)  # read by `_offer`
+            table.has(name)
         table.finish()
     return rules
 

@@ -142,6 +142,7 @@ def _flag(table: Table, name: str) -> bool:
     value = table.value(name) if table.has(name) else False
     if not isinstance(value, bool):
         table.refuse(name, f"found {value!r}", "allowed: true, false")
+        return False
     return value
 
 
@@ -159,6 +160,7 @@ def _states(table: Table) -> Mapping[float, int]:
     rows = table.value("states")
     if not isinstance(rows, list) or not rows:
         table.refuse("states", f"found {rows!r}", "pairs [value, state] are needed")
+        return found
     for row in rows:
         value, state = _pair(table, row)
         if value in found or state in found.values():
@@ -173,6 +175,7 @@ def _pair(table: Table, row: Any) -> tuple[float, int]:
     real = isinstance(value, int | float) and not isinstance(value, bool)
     if value is None or not real or type(state) is not int or state < 0:
         table.refuse("states", f"found {row!r}", "pairs [value, state] are needed")
+        return (0.0, 0)
     return (float(value), state)
 
 

@@ -36,7 +36,10 @@ def read_plan(path: Path) -> PlanFile:
     try:
         source = path.read_bytes()
     except OSError as error:
-        raise ExecutorError("MP802", f"cannot read {path}: {error.strerror}") from error
+        words = f"cannot read {path}: {error.strerror}"
+        if isinstance(error, FileNotFoundError):
+            words += "; microplan compile makes a plan folder"
+        raise ExecutorError("MP802", words) from error
     try:
         plan = parse_plan(source.decode("utf-8"))
         _check_names(plan)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from microplan.executor.devices.errors import meant
+
 FAULTS: Mapping[str, str] = {  # name -> what happens
     "axis_raises": "an axis group refuses a motion with an error",
     "axis_hangs": "a moving axis group does not answer",
@@ -59,7 +61,8 @@ class Faults:
                 raise ValueError(f"{entry!r} names no step after the @")
             if name not in FAULTS:
                 known = ", ".join(sorted(FAULTS))
-                raise ValueError(f"no fault is called {name!r}; known: {known}")
+                hint = meant(name, FAULTS)
+                raise ValueError(f"no fault is called {name!r}{hint}; known: {known}")
             if step and name in LASTING:
                 raise ValueError(f"{entry!r} names a step: {name} lasts the whole run")
 

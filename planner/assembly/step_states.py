@@ -20,7 +20,7 @@ from microplan.planner.assembly.certain_starts import (
     report_unused_input,
 )
 from microplan.planner.assembly.holding import grasp, release
-from microplan.planner.assembly.swept_volume import sweep_hits
+from microplan.planner.assembly.swept_volume import Hit, sweep_hits
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Move, Reading, Task, TaskStep
 
@@ -56,9 +56,22 @@ def apply_move(
             f"step {step.id!r}: {hit.moving} would touch {hit.still}: "
             f"{hit.gap_um:.3g} um apart at the nominal place, "
             f"{hit.needed_um:.3g} um needed at 2 sigma",
-            "move another axis first, or by another way",
+            _way_out(state, hit),
         )
     return after
+
+
+def _way_out(state: State, hit: Hit) -> str:
+    """Return what may remove a collision; what is held need not move along."""
+    if state.held is not None and state.held in (
+        owner_of(hit.moving),
+        owner_of(hit.still),
+    ):
+        return (
+            f"the tool still holds {state.held}: release it before, or move another "
+            "axis first"
+        )
+    return "move another axis first, or by another way"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

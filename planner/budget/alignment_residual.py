@@ -16,8 +16,9 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.insert_budget import LateralResidual
-from microplan.planner.budget.probability.fit_probability import Residual, gain_limit
+from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import gain_of, moved_by
 from microplan.schemas.plan.verdicts import MethodName
 
 
@@ -106,11 +107,6 @@ def unaligned(state: State, parts: Iterable[str], since: str) -> LateralResidual
     )
 
 
-def moved_by(task: Task, align: StepState) -> Carrier:
-    """Return the axes that an alignment corrects: those that carry its target."""
-    return locate_place(task, align.before, align.step.target or "").carrier
-
-
 def residual_of(task: Task, within_um: float, carrier: Carrier) -> Residual:
     """Return the residual of a servo that moves `carrier`.
 
@@ -127,14 +123,6 @@ def single_residual(task: Task, carrier: Carrier) -> Residual:
     """Return the residual of one correction: the errors of two moves, not cut off."""
     sigma = axes_of(task, carrier).repeatability_xy_um
     return Residual(sigma_um=sigma * math.sqrt(2), within_um=math.inf)
-
-
-def gain_of(task: Task) -> float:
-    """Return the gain, at most half of what is stable.
-
-    A frame is taken after every move has settled, so no frame is delayed.
-    """
-    return min(task.workcell.servo.gain, gain_limit(0) / 2)
 
 
 def _swing_um(task: Task, align: StepState) -> float:

@@ -6,27 +6,23 @@ import math
 
 from microplan.planner.assembly.assembly import Carrier, axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.alignment_residual import gain_of, moved_by, residual_of
+from microplan.planner.budget.alignment_residual import residual_of
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.insert_budget import insert_s, travel_of
 from microplan.planner.budget.methods import GIVE_UP, AngleCorrection, angle_correction
 from microplan.planner.budget.probability.fit_probability import (
-    LEAST_SIGMAS,
     Residual,
     combine,
-    expected_looks,
-    gain_limit,
     servo_tolerance_um,
 )
-from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import GAIN_LIMIT, gain_of, moved_by
 from microplan.planner.views.requests import insertion_after
 from microplan.planner.views.views import SEARCH_SIGMAS
 from microplan.schemas.plan import Control
 from microplan.schemas.plan.verdicts import MethodChoice
 
 MS_PER_S = 1e3
-MOST_EXPECTED = 6.0  # looks on average; so many are reached below LEAST_SIGMAS, too
 # Without a fit or a stated tolerance: what axes reach within two looks on average.
 DEFAULT_SIGMAS = 1.2
 
@@ -36,38 +32,15 @@ def tolerance_um(
     states: tuple[StepState, ...],
     align: StepState,
     seen: PastMeasurement | None,
-    report: Report,
 ) -> float:
     """Return the tolerance of an alignment: stated, from the fit, or of the axes.
 
-    `seen` is what the look at the goal promised, if there was one. Reports a tolerance
-    that the axes can hardly meet.
+    `seen` is what the look at the goal promised, if there was one.
     """
-    step, carrier = align.step, moved_by(task, align)
-    sigma = axes_of(task, carrier).repeatability_xy_um
-    found = step.tolerance_xy_um or _from_fit(task, states, align, seen)
-    if found is None:
-        found = DEFAULT_SIGMAS * sigma
-    if found < LEAST_SIGMAS * sigma:
-        report.refuse(
-            "MP603",
-            step.spans.get("tolerance_xy_um", step.where),
-            f"step {step.id!r}: a tolerance of {found:.3g} um is below {LEAST_SIGMAS} "
-            f"of the {carrier}'s repeatability of {sigma:.3g} um: it would take "
-            f"{expected_looks(Residual(sigma_um=sigma, within_um=found)):.0f} moves",
-            f"allow at least {LEAST_SIGMAS * sigma:.3g} um, or use a finer {carrier}",
-        )
-    angle = angle_correction(task, align)
-    if angle is not None and angle.inside * MOST_EXPECTED < 1:
-        report.refuse(
-            "MP603",
-            step.spans.get("tolerance_theta_deg", step.where),
-            f"step {step.id!r}: a tolerance of {math.degrees(angle.within_rad):.3g} "
-            f"deg is met by one move in {1 / angle.inside:.0f}: the {carrier}'s angle "
-            f"repeats to {math.degrees(angle.sigma_rad):.3g} deg",
-            f"allow more, or use a finer {carrier}",
-        )
-    return found
+    found = align.step.tolerance_xy_um or _from_fit(task, states, align, seen)
+    if found is not None:
+        return found
+    return DEFAULT_SIGMAS * axes_of(task, moved_by(task, align)).repeatability_xy_um
 
 
 def control_of(
@@ -93,7 +66,7 @@ def control_of(
     return Control(
         method=choice.method,
         gain=gain_of(task),
-        gain_limit=gain_limit(0),
+        gain_limit=GAIN_LIMIT,
         tolerance_xy_um=within_um,
         tolerance_theta_rad=align.step.tolerance_theta_rad,
         max_step_um=max_step_um(task, carrier),

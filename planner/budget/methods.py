@@ -12,8 +12,6 @@ from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import (
     approach_um,
-    gain_of,
-    moved_by,
     residual_after,
     residual_of,
 )
@@ -22,6 +20,12 @@ from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.budget.probability.servo_landing import Loop, expected_looks
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import (
+    gain_of,
+    inside_angle,
+    moved_by,
+    settled_theta_rad,
+)
 from microplan.planner.views.requests import insertion_after
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
@@ -45,9 +49,7 @@ class AngleCorrection:
     @property
     def inside(self) -> float:
         """Return the probability that a correction of a small angle ends inside."""
-        if self.sigma_rad <= 0:
-            return 1.0
-        return math.erf(self.within_rad / self.sigma_rad / math.sqrt(2))
+        return inside_angle(self.within_rad, self.sigma_rad)
 
     @property
     def most(self) -> int:
@@ -176,7 +178,7 @@ def angle_correction(task: Task, align: StepState) -> AngleCorrection | None:
     return AngleCorrection(
         within_rad=within_rad,
         start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
-        sigma_rad=sigma * math.sqrt(2 / (2 - gain_of(task))),
+        sigma_rad=settled_theta_rad(task, moved_by(task, align)),
         gain=gain_of(task),
     )
 

@@ -11,8 +11,6 @@ from microplan.planner.assembly.assembly import Carrier, axes_of, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.alignment_residual import (
-    gain_of,
-    moved_by,
     residual_after,
     unaligned,
 )
@@ -41,6 +39,7 @@ from microplan.planner.budget.placing import (
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import gain_of, moved_by
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import PlacingVerdict, TurnRow
 

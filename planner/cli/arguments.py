@@ -246,7 +246,7 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="ID",
-        help="only this look; may be given again",
+        help="only this look; may be given several times",
     )
     parser.add_argument(
         "--channel", metavar="PRESET", help="useq: preset of the group Channel"

@@ -33,6 +33,7 @@ from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.presets import PRESETS, Preset
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import check_tolerances
 from microplan.planner.views.check_task import check_fits
 from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
@@ -48,12 +49,14 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     """Return everything a plan folder holds, None if the task contradicts itself.
 
     A task that is understood but cannot be done gives a plan whose status is
-    `infeasible`, with the reasons and the steps up to the first that failed.
+    `infeasible`, with the reasons and the steps up to the first that failed; none where
+    axes cannot meet a tolerance, which is known before anything is rendered.
     """
     started = time.perf_counter()
     read_twice(task, report, options.memo)
     states = unfold(task, report)
     check_fits(task, states, report)
+    can_align = check_tolerances(task, states, report)
     if report.failed:
         return None
     preset = options.preset or task.optimise.prefer
@@ -65,7 +68,8 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
             map=map,
             memo=options.memo,
         )
-        steps, timings = _steps(task, states, context, report, options.progress, pool)
+        todo = states if can_align else ()
+        steps, timings = _steps(task, todo, context, report, options.progress, pool)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(

@@ -139,7 +139,7 @@ def _probable(
     here, within_um = states[index], None
     begun = False
     if here.step.verb == "align":
-        within_um = tolerance_um(task, states, here, None, Report())
+        within_um = tolerance_um(task, states, here, None)
         begun = insertion_after(states, here) is not None
     for request in requests(task, states, index, within_um):
         settings = views(task, request, current, Report())

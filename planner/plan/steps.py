@@ -68,7 +68,7 @@ def compile_step(
     goal = history.seen.get(owner_of(here.step.to or ""))
     within: float | None = None
     if here.step.verb == "align":
-        within = tolerance_um(task, states, here, goal, report)
+        within = tolerance_um(task, states, here, goal)
     looks: list[CompiledLook] = []
     before = history.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)

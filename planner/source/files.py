@@ -38,7 +38,7 @@ def read_bytes(
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
-        hint = _near(path, at.file)
+        hint = _near(path, file, at.file)
         report.error("MP001", at, f"cannot read {file}: {why}", hint)
         return None
     if len(data) > most:
@@ -48,8 +48,10 @@ def read_bytes(
     return data
 
 
-def _near(path: Path, asking: str) -> str:
+def _near(path: Path, file: str, asking: str) -> str:
     """Return what may be meant as a hint: a file of a similar name, "" if none is.
+
+    It is named as the file that asks would name it: from that one's own folder.
 
     The file that holds the name is not meant. Where that is the file itself, a
     task is asked for, and the task of a folder is meant.
@@ -62,7 +64,12 @@ def _near(path: Path, asking: str) -> str:
         return ""
     others = sorted({*names} - {path.name, Path(asking).name})
     near = difflib.get_close_matches(path.name, others, n=1, cutoff=0.6)
-    return f"did you mean '{near[0]}'?" if near else ""
+    if not near:
+        return ""
+    meant, folder = Path(file).with_name(near[0]), Path(asking).parent
+    if file != asking and meant.is_relative_to(folder):
+        meant = meant.relative_to(folder)
+    return f"did you mean '{meant.as_posix()}'?"
 
 
 def named_file(

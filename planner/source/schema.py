@@ -67,6 +67,9 @@ class _Finding:
         return (*self.where, *self.missing)
 
 
+COMMA = "a comma ends an entry: decimals take a point, as in 0.5"
+
+
 def check(source: Source, name: str, version_key: str, report: Report) -> Checked:
     """Return `source` with the nodes at fault; every mistake is reported once.
 
@@ -174,6 +177,8 @@ def _findings(errors: Iterable[ValidationError]) -> Iterator[_Finding]:
             known = _rule(error)["properties"]
             for key in sorted(set(_value(error)) - set(known)):
                 hint = did_you_mean(key, known) or _allowed(known)
+                if key.isdigit() and _value(error)[key] is None:
+                    hint = COMMA  # {opening_um: 96,5} has a key 5
                 message = f"unknown key '{key}' in {at}"
                 yield _Finding("MP104", (*where, key), message, hint, on_key=True)
         elif error.validator == "required":
@@ -236,7 +241,7 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
     }  # fmt: skip
     if rule in counts:
         message = f"{at} must have {counts[rule]} {limit} entries, got {len(value)}"
-        return "MP106", message, ""
+        return "MP106", message, COMMA if rule == "maxItems" else ""
     if rule == "uniqueItems":
         return "MP106", f"{at} lists the same thing twice", "remove one of them"
     says = _rule(error).get("description", f"{rule} {limit}")

@@ -6,6 +6,7 @@ from microplan.planner.assembly.mating import fit_verdict, fit_words, mating_of
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
+from microplan.planner.views.alignments import check_tolerances
 from microplan.planner.views.coarse import first_views
 from microplan.planner.views.requests import requests
 from microplan.schemas.plan.verdicts import FitVerdict
@@ -17,6 +18,7 @@ def check_task(task: Task, report: Report) -> str:
     if report.failed:
         return ""
     check_fits(task, states, report)
+    check_tolerances(task, states, report)
     looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
     low, _ = task.workcell.optics.magnification
     for look in looks:

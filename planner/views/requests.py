@@ -72,14 +72,17 @@ def requests(
     here = states[index]
     step = here.step
     if step.verb == "locate":
-        need = next_tolerance_um(task, states, index)
+        need, user = next_need(task, states, index)
         share = None if need is None else LOOK_SHARE * need
         angle = here.at_look.parts.get(owner_of(step.target or ""))
         turned = angle is not None and angle.sigma_theta_rad > 0
         turn = _share(LOOK_SHARE, next_turn_rad(task, states, index))
         asked = "a pixel: no later step asks for more"
-        if need is not None:
-            asked = f"half of the {need:.3g} um that a later step needs of it"
+        if need is not None and user is not None:
+            asked = (
+                f"half of the {need:.3g} um that step {user.id!r}, line "
+                f"{_line(user)}, needs of it"
+            )
         found = _request(here, step.target, "", share, turn, angle=turned)
         return (replace(found, asked_by=asked),)
     if step.verb == "align":
@@ -107,7 +110,8 @@ def _asked_by(
     words = f"half of the {tolerance_um or 0.0:.3g} um to align to"
     insert = insertion_after(states, align)
     if align.step.tolerance_xy_um is None and insert is not None:
-        words += f", which the clearance of step {insert.id!r} asks for"
+        words += f", which the clearance of step {insert.id!r}, line "
+        words += f"{insert.where.line}, asks for"
     return words
 
 
@@ -131,10 +135,10 @@ def next_turn_rad(
     return None
 
 
-def next_tolerance_um(
+def next_need(
     task: Task, states: tuple[StepState, ...], index: int
-) -> float | None:
-    """Return what the next mechanical step needs of what step `index` locates.
+) -> tuple[float | None, TaskStep | None]:
+    """Return what the next mechanical step needs of what step `index` locates, and it.
 
     For what the next alignment moves, the range in which its own looks find it; for
     what it aligns to, the alignment's tolerance, stated or from the fit; None if
@@ -146,12 +150,17 @@ def next_tolerance_um(
         names = {owner_of(name) for name in (step.target, step.to) if name}
         if step.verb == "align" and owner == owner_of(step.target or ""):
             # the alignment looks again: this look only has to bring it into range
-            return SEARCH_SIGMAS * task.benchmark.pose_sigma_xy_um
+            return SEARCH_SIGMAS * task.benchmark.pose_sigma_xy_um, step
         if step.verb == "align" and owner in names:
-            return step.tolerance_xy_um or _fit_tolerance(task, states, later)
+            return step.tolerance_xy_um or _fit_tolerance(task, states, later), step
         if step.verb in ("grasp", "insert") and owner in names:
-            return None
-    return None
+            return None, None
+    return None, None
+
+
+def _line(step: TaskStep) -> int:
+    """Return the line of a step's tolerance, of the step where it states none."""
+    return step.spans.get("tolerance_xy_um", step.where).line
 
 
 def insertion_after(states: tuple[StepState, ...], align: StepState) -> TaskStep | None:

@@ -231,8 +231,8 @@ def _report_field(
         at, what = origin.view, "not inside"
         away = (place.pose.x_um - middle[0], place.pose.y_um - middle[1])
         hint = (
-            f"bring it nearer the middle of the field, by up to ({-away[0]:.4g}, "
-            f"{-away[1]:.4g}) um: with 'view_um' if it is on the stage"
+            f"bring it nearer the middle of the field, by up to ({0 - away[0]:.4g}, "
+            f"{0 - away[1]:.4g}) um: with 'view_um' if it is on the stage"
         )
     report.refuse(
         "MP401",

@@ -23,7 +23,7 @@ class Control:
 
     method: Literal["servo", "look_then_move"]  # look after every move, or once
     gain: float  # share of the error that a correction takes away
-    gain_limit: float  # stable below this for the stated latency
+    gain_limit: float  # a servo settles below it: no look is of a frame before its move
     tolerance_xy_um: float  # length of the error that is good enough
     tolerance_theta_rad: float | None  # None: the angle does not matter
     max_step_um: float  # a larger correction after the first approach is a fault

@@ -1,6 +1,7 @@
 """The optics tutorial's numbers are those that its script measures."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +17,15 @@ def _tutorial() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_an_unknown_argument_is_refused_before_anything_is_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["tutorial.py", "--nonsense"])
+    with pytest.raises(SystemExit) as caught:
+        _tutorial().main()
+    assert caught.value.code == 2
 
 
 @pytest.fixture(scope="module")

@@ -18,13 +18,12 @@ from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import VaryingRadius
 from microplan.planner.budget.probability.miss_probability import probability_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
+from microplan.planner.views.alignments import LEAST_SIGMAS
 
 NODES = 48  # Gauss nodes over the residual, in probability
 SAME_SIZE_UM = 1e-9  # sizes that vary by less do not vary
 # Share of the failures allowed to the whole task that the servo may use up.
 SERVO_SHARE = 0.1
-# Below this many stage sigmas the expected number of moves climbs beyond 6.
-LEAST_SIGMAS = 0.6
 # The servo is not asked for less than this many stage sigmas where more would do no
 # harm: 1 / (1 - exp(-0.9**2 / 2)) = 3.0 looks on average.
 EASY_SIGMAS = 0.9
@@ -139,12 +138,6 @@ def servo_tolerance_um(
         if miss_probability(fit, residual, sigma_um) <= allowed:
             return float(within)
     return float(floor)
-
-
-def gain_limit(latency_frames: int, angle_rad: float = 0.0) -> float:
-    """Return the servo gain below which e+ = e - g R(angle) e_(k-d) is stable."""
-    turn = (math.pi / 2 - abs(angle_rad)) / (2 * latency_frames + 1)
-    return 2 * math.sin(turn)
 
 
 def combine(sigmas: Sequence[float]) -> float:

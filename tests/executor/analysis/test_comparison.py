@@ -92,7 +92,7 @@ def test_right_predictions_are_rarely_refuted(plan: Plan) -> None:
 
 @pytest.mark.parametrize(
     ("name", "factor", "check"),
-    [("cycles", 2.5, "cycles"), ("time", 1.4, "time"), ("time", 0.7, "time"),
+    [("cycles", 2.5, "looks"), ("time", 1.4, "time"), ("time", 0.7, "time"),
      ("success", 0.5, "success"), ("error", 2.5, "true error")],
 )  # fmt: skip
 def test_a_wrong_prediction_is_refuted(
@@ -114,7 +114,7 @@ def test_the_figures_are_those_of_numpy(plan: Plan) -> None:
     assert figures["time"].sd == pytest.approx(np.std(times, ddof=1))
     assert figures["time"].p95 == pytest.approx(sorted(times)[18])
     assert figures["time"].predicted == pytest.approx(0.8)
-    assert figures["cycles"].predicted == pytest.approx(2.5)
+    assert figures["looks"].predicted == pytest.approx(2.5)
     assert figures["error"].limit == pytest.approx(1.0)
 
 
@@ -158,12 +158,12 @@ def test_the_command_joins_runs_and_says_what_is_refuted(
     assert main([str(built), "--mode", "compare", "--runs", *names]) in (0, 1)
     out = capsys.readouterr().out
     assert "runs: 4, done: 4 of 4" in out
-    assert f"{STEP}  cycles" in out
+    assert f"{STEP}  looks" in out
     call = [str(built), "--mode", "compare", "--runs", *names, "--format", "json"]
     main(call)
     said = json.loads(capsys.readouterr().out)
     assert said["counted"] == 4
-    assert {c["name"] for c in said["checks"]} >= {"success", "cycles", "time"}
+    assert {c["name"] for c in said["checks"]} >= {"success", "looks", "time"}
 
 
 @pytest.mark.parametrize(

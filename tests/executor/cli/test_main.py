@@ -214,7 +214,20 @@ def test_a_task_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert run(tmp_path / "task.yaml", tmp_path / "run") == 2
     assert "compile it first" in capsys.readouterr().err
     assert run(tmp_path / "none.json", tmp_path / "run") == 2
-    assert "none.json: No such file" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "none.json: No such file" in told
+    assert "microplan compile makes a plan folder" in told
+
+
+def test_a_call_without_a_station_is_told_of_the_simulated_one(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(built)]) == 2
+    told = capsys.readouterr().err
+    assert "--station sim is the simulated cell" in told
+    assert "there is no" not in told
+    assert main([str(tmp_path / "none.plan")]) == 2
+    assert f"there is no {tmp_path / 'none.plan'}" in capsys.readouterr().err
 
 
 def test_a_missing_world_and_a_missing_plan_are_the_callers_fault(

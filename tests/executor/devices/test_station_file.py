@@ -160,7 +160,7 @@ def test_faults_of_a_file_are_told(
         (
             "dwell_s = 0.15",
             "dwel_s = 0.15",
-            "stage.settle.dwel_s: no such key; allowed: dwell_s",
+            "stage.settle.dwel_s: no such key, did you mean 'dwell_s'?",
         ),
         ("datum_z_um = 0.0", "", "stage.datum_z_um: it is missing"),
         (
@@ -189,7 +189,7 @@ def test_faults_of_a_file_are_told(
         (
             'stage = { hub = "cell" }',
             'stage = { hub = "sell" }',
-            "devices.stage.hub: found 'sell'; allowed: cell",
+            "devices.stage.hub: found 'sell', did you mean 'cell'?; allowed: cell",
         ),
         (
             'stage = { hub = "cell" }',
@@ -200,7 +200,7 @@ def test_faults_of_a_file_are_told(
         (
             'stage = { hub = "cell" }',
             'stagr = { hub = "cell" }',
-            "devices.stagr: no such device; allowed: stage",
+            "devices.stagr: no such device, did you mean 'stage'?; allowed: stage",
         ),
         ('stage = { hub = "cell" }', "stage = 3", "devices.stage: found 3; a table"),
         ("[devices]", "[devices", "at line"),
@@ -254,6 +254,56 @@ def test_a_driver_that_cannot_be_had_is_told(
         loaded(built, tmp_path, (old, new))
     assert caught.value.code == "MP813"
     assert message in caught.value.message
+
+
+def line_of(file: Path, words: str) -> int:
+    """Return the line of a file that holds some words."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return 1 + next(k for k, line in enumerate(lines) if words in line)
+
+
+def test_every_mistake_of_a_file_is_told_at_its_line(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "station.toml"
+    changes = {
+        "width_px = 640": "widht_px = 640",
+        "bits = 8": 'bits = "8"',
+        'jaws = { hub = "cell" }': 'jaws = { hub = "sell" }',
+        "magnification = 6.9, um": "magnificaton = 6.9, um",
+        "close_phases": "close_fases",
+        'light = { hub = "cell" }': "",
+    }
+    text = EXAMPLE.read_text(encoding="utf-8")
+    for old, new in changes.items():
+        text = text.replace(old, new, 1)
+    file.write_text(text, encoding="utf-8")
+    assert main([str(built), "--station", str(file)]) == 2
+    told = capsys.readouterr().err.splitlines()
+    said = {
+        "camera.widht_px: no such key, did you mean 'width_px'?; allowed": "widht_px",
+        "camera.bits: found '8'; a finite number is needed": "bits",
+        "devices.jaws.hub: found 'sell', did you mean 'cell'?; allowed: cell": "jaws =",
+        "zooms[0].magnificaton: no such key, did you mean 'magnification'": "caton",
+        "safety.close_fases: no such key, did you mean 'close_phases'": "close_fases",
+        "devices.light: it is missing; a table is needed": "[devices]",
+    }
+    assert sum(line.startswith("error[MP812]: ") for line in told) == len(said)
+    for words, near in said.items():
+        (at,) = (k for k, line in enumerate(told) if words in line)
+        assert told[at + 1] == f"  --> {file}:{line_of(file, near)}"
+
+
+def test_a_misspelt_driver_is_told_at_its_line(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "station.toml"
+    text = EXAMPLE.read_text(encoding="utf-8").replace("hub:cell", "hub:cel", 1)
+    file.write_text(text, encoding="utf-8")
+    assert main([str(built), "--station", str(file)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("error[MP813]: hubs.cell: 'executor.simulated.hub:cel': ")
+    assert f"  --> {file}:{line_of(file, 'hub:cel')}\n" in told
 
 
 def test_what_is_no_file_is_told_and_not_waited_for(tmp_path: Path) -> None:
@@ -365,3 +415,5 @@ def test_seed_and_faults_belong_to_the_built_in_cell(
     err = capsys.readouterr().err
     assert err.count("error[MP804]") == 2
     assert "no fault is called 'fire'" in err
+    assert main([str(plan), "--station", "sim", "--inject", "ligt_out"]) == 2
+    assert "'ligt_out', did you mean 'light_out'?" in capsys.readouterr().err

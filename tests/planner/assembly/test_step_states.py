@@ -210,6 +210,19 @@ def test_motion_that_touches_something_is_refused(
     assert first.where.line > 0
 
 
+def test_a_part_that_is_still_held_is_said_to_be_in_the_way(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if "id: release," not in line]
+    assert len(kept) == len(lines) - 1
+    file.write_text("".join(kept), encoding="utf-8")
+    report = Report()
+    unfold(read(file), report)
+    found = next(d for d in report.found if d.code == "MP303")
+    assert found.message.startswith("step 'retract': gear would touch shaft_plate.post")
+    assert found.hint.startswith("the tool still holds gear: release it before")
+
+
 def test_a_wide_start_needs_x_first_and_a_narrow_one_does_not(tmp_path: Path) -> None:
     """At 30 um the gear may start beside the opening; at 2 um it goes in straight."""
     file = copy_example(tmp_path / "task")

@@ -122,7 +122,7 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
 ) -> None:
     task, states = job
     align, report = step_of(states, "over_shaft"), Report()
-    within = tolerance_um(task, states, align, HOLE, report)
+    within = tolerance_um(task, states, align, HOLE)
     assert report.found == []
     assert 0.9 <= within <= 1.5  # between easy for the stage and half the clearance
     choice = method_of(task, states, align, within, {}, report)
@@ -149,18 +149,11 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
     assert least < control.expected_cycles < 1.15 * least
 
 
-def test_a_stated_tolerance_is_kept_and_a_hopeless_one_refused(
+def test_a_stated_tolerance_is_kept(
     job: tuple[Task, tuple[StepState, ...]],
 ) -> None:
     task, states = job
-    align, report = step_of(states, "bring_between"), Report()
-    assert tolerance_um(task, states, align, None, report) == 3.0
-    assert report.found == []
-    hopeless = replace(align, step=replace(align.step, tolerance_xy_um=0.5))
-    assert tolerance_um(task, states, hopeless, None, report) == 0.5
-    assert [(d.code, d.severity) for d in report.found] == [("MP603", "infeasible")]
-    expected = 1 / Residual(sigma_um=1.0, within_um=0.5).inside
-    assert f"{expected:.0f} moves" in report.found[0].message
+    assert tolerance_um(task, states, step_of(states, "bring_between"), None) == 3.0
 
 
 def test_no_advice_promises_success() -> None:

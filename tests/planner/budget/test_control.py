@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.control import control_of, folded_mean, tolerance_um
+from microplan.planner.budget.control import control_of, folded_mean
 from microplan.planner.budget.methods import (
     GIVE_UP,
     AngleCorrection,
@@ -18,7 +18,7 @@ from microplan.planner.budget.methods import (
 )
 from microplan.planner.source.diagnostics import Report
 from tests.planner.examples import ROOT
-from tests.planner.placed import look, read, with_step
+from tests.planner.placed import look, read
 
 GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 DRAWS = 400_000
@@ -61,16 +61,6 @@ def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
     straight = replace(align, step=replace(align.step, tolerance_theta_rad=None))
     assert control_of(task, straight, 0.4, choice).max_cycles == 2
     assert GIVE_UP == 1e-6
-
-
-def test_an_angle_finer_than_the_axes_is_refused() -> None:
-    """The stage repeats to an arc second, 4.8 urad."""
-    for tolerance_rad, codes in ((1e-5, []), (5e-7, ["MP603"])):
-        task = with_step(read(), "over_site", tolerance_theta_rad=tolerance_rad)
-        align = next(s for s in unfold(task, Report()) if s.step.id == "over_site")
-        report = Report()
-        tolerance_um(task, (align,), align, None, report)
-        assert [d.code for d in report.found] == codes
 
 
 @pytest.mark.parametrize("mean", [0.0, 0.5, -2.0, 40.0])

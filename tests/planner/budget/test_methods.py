@@ -54,7 +54,7 @@ def method(file: Path) -> tuple[MethodChoice, Report]:
     task, report = read(file), Report()
     states = unfold(task, Report())
     align = next(s for s in states if s.step.id == "over_shaft")
-    within = tolerance_um(task, states, align, None, Report())
+    within = tolerance_um(task, states, align, None)
     found = method_of(task, states, align, within, {}, report)
     control = control_of(task, align, within, found)
     assert control.method == found.method

@@ -9,7 +9,7 @@ import pytest
 
 from microplan.planner.assembly.assembly import part_sigma_um
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.alignment_residual import gain_of, moved_by, residual_of
+from microplan.planner.budget.alignment_residual import residual_of
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insert_budget import apart
@@ -21,6 +21,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
+from microplan.planner.views.alignments import check_tolerances, gain_of, moved_by
 from microplan.schemas.plan import AxisMove
 from tests.planner.examples import change, copy_example, read
 
@@ -130,7 +131,8 @@ def test_an_alignment_by_the_robot_is_as_fine_as_the_robot(file: Path) -> None:
     task, states = unfolded(file)
     align = named(states, "over_shaft")
     # hopeless for the stage, no trouble for the robot
-    assert tolerance_um(task, states, align, None, report) == 0.3
+    assert tolerance_um(task, states, align, None) == 0.3
+    assert check_tolerances(task, states, report)
     assert report.found == []
 
 
@@ -191,7 +193,7 @@ def test_the_least_that_a_task_may_state_is_worked_out(
     change(file, old, new)
     task, states = unfolded(file)
     align = named(states, "over_shaft")
-    within_um = tolerance_um(task, states, align, None, Report())
+    within_um = tolerance_um(task, states, align, None)
     choice = method_of(task, states, align, within_um, {}, Report())
     control = control_of(task, align, within_um, choice)
     assert math.isfinite(control.expected_cycles)

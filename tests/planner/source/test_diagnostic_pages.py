@@ -66,21 +66,12 @@ def _unfold(folder: Path) -> Report:
     return _unfolded(folder)[-1]
 
 
-def _tolerances(folder: Path) -> Report:
-    """Return what the compiler finds of the alignments' tolerances, without looks."""
-    task, states, report = _unfolded(folder)
-    for state in states:
-        if state.step.verb == "align":
-            tolerance_um(task, states, state, None, report)
-    return report
-
-
 def _methods(folder: Path) -> Report:
     """Return what the compiler finds of the ways to align, without looks."""
     task, states, report = _unfolded(folder)
     for state in states:
         if state.step.verb == "align":
-            within = tolerance_um(task, states, state, None, report)
+            within = tolerance_um(task, states, state, None)
             method_of(task, states, state, within, {}, report)
     return report
 
@@ -116,7 +107,6 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP613": _handling,
     "MP614": _handling,
     "MP615": _placing,
-    "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
 # of plans, not of a task: see test_diff.py and exporting/test_export.py

@@ -56,6 +56,17 @@ def test_a_file_that_is_not_there_is_named_after_one_that_is(tmp_path: Path) -> 
     assert hints == ["did you mean 'gear18.dxf'?", "", ""]
 
 
+def test_a_file_that_may_be_meant_is_named_with_its_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    (folder / "gear.dxf").write_bytes(b"")
+    for asking in (tmp_path / "task.yaml", Path("task.yaml")):
+        report, where = Report(), Span(file=str(asking), line=1, column=1)
+        file = (asking.parent / "parts" / "gear18.dxf").as_posix()
+        assert read_bytes(folder / "gear18.dxf", file, where, report, most=9) is None
+        assert report.found[0].hint == "did you mean 'parts/gear.dxf'?"
+
+
 def test_a_name_that_ends_in_a_slash_is_no_file(tmp_path: Path) -> None:
     (tmp_path / "part").write_bytes(b"")
     report = Report()

@@ -246,6 +246,23 @@ def test_a_finding_reads_like_the_design(
     assert text[4] == "  |   ^^^^^^^^^^^^^ did you mean 'wavelength_um'?"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ("opening_um: 96", "opening_um: 96,5", "MP104"),
+        ("view_um: [0, 0]", "view_um: [0,5, 0]", "MP106"),
+    ],
+)
+def test_a_decimal_comma_in_a_list_is_told_as_such(
+    folder: Path, old: str, new: str, code: str
+) -> None:
+    edit(folder, "task.yaml", old, new)
+    report = Report()
+    load_task(folder / "task.yaml", report)
+    found = next(d for d in report.found if d.code == code)
+    assert found.hint == "a comma ends an entry: decimals take a point, as in 0.5"
+
+
 @pytest.mark.parametrize("file", ["task.yaml", "workcell.yaml"])
 @pytest.mark.parametrize(
     ("content", "code"),

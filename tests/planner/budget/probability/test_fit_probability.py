@@ -12,16 +12,15 @@ from hypothesis import strategies as st
 
 from microplan.planner.budget.probability.fit_probability import (
     EASY_SIGMAS,
-    LEAST_SIGMAS,
     SERVO_SHARE,
     Residual,
     RoundFit,
     combine,
     expected_looks,
-    gain_limit,
     miss_probability,
     servo_tolerance_um,
 )
+from microplan.planner.views.alignments import LEAST_SIGMAS
 
 NONE = Residual(sigma_um=0.0, within_um=0.0)  # a servo that leaves nothing
 SAMPLES = 2_000_000
@@ -273,19 +272,6 @@ def test_the_servo_tolerance_keeps_its_share_and_its_bounds(
     # more room: never a tighter one
     roomier = servo_tolerance_um(fit(capture_um + 1, 0.1), move_um, sigma_um, goal)
     assert roomier >= within - (capture_um + 1) / 2 / 32  # one step of the search
-
-
-@pytest.mark.parametrize(
-    ("latency", "limit"), [(0, 2.0), (1, 1.0), (2, 0.618), (3, 0.445)]
-)
-def test_gain_limits_are_those_of_the_delayed_loop(latency: int, limit: float) -> None:
-    assert gain_limit(latency) == pytest.approx(limit, abs=5e-4)
-    # the roots of z^(d+1) - z^d + g cross the unit circle there
-    for gain, stable in ((0.99, True), (1.01, False)):
-        g = gain * gain_limit(latency)
-        roots = np.roots([1.0, -1.0, *([0.0] * (latency - 1)), g] if latency else
-                         [1.0, g - 1.0])  # fmt: skip
-        assert bool(np.abs(roots).max() < 1) is stable
 
 
 def test_errors_combine_in_quadrature() -> None:
