@@ -66,7 +66,7 @@ def _near(path: Path, file: str, asking: str) -> str:
     near = difflib.get_close_matches(path.name, others, n=1, cutoff=0.6)
     if not near:
         return ""
-    meant, folder = Path(file).with_name(near[0]), Path(asking).parent
+    meant, folder = Path(file).parent / near[0], Path(asking).parent
     if file != asking and meant.is_relative_to(folder):
         meant = meant.relative_to(folder)
     return f"did you mean '{meant.as_posix()}'?"
