@@ -10,13 +10,16 @@ from pathlib import Path
 
 Form = dict[str, str | float]
 
+TIMES = ("s", "ms", "us")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
     """One number, with the floor and the rival measured in the same run.
 
     The floor is the least work that could do the job, the rival the way it would be
-    done without this package; both have the value's unit.
+    done without this package; both have the value's unit. A time below its floor was
+    not spent on the job: something kept its result.
     """
 
     name: str
@@ -32,6 +35,11 @@ class Figure:
         for value in (self.floor, self.rival):
             if value is not None and value <= 0:
                 raise ValueError(f"{self.name} is divided by {value}, need > 0")
+        if self.unit in TIMES and self.floor is not None and self.value < self.floor:
+            raise ValueError(
+                f"{self.name} took {self.value:.3g} {self.unit}, "
+                f"less than its floor of {self.floor:.3g}"
+            )
 
     def form(self) -> Form:
         """Return the figure as it is printed and kept; ratios are value / other."""

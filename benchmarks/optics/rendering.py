@@ -20,6 +20,7 @@ from benchmarks.rivals.naive import Naive
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.optics.oracle import Oracle
+from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render, render_stack
 from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import gear, microscope, one_layer, polygon
@@ -183,20 +184,32 @@ def _large(size: int) -> Iterator[Figure]:
 
 
 def _many_vertices() -> Iterator[Figure]:
-    """Measure one image of wheels with more and more teeth, read anew each time."""
+    """Measure one image of wheels with more and more teeth, another each time."""
     optics = microscope(6.9, 640, 480)
     for count in VERTICES:
-        angle = np.arange(count) * 2 * np.pi / count
-        radius = np.where(np.arange(count) % 2, 50.0, 49.5)
-        corners = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-        wheel = polygon([(float(x), float(y)) for x, y in corners])
-        for kind, work in (
-            ("vertices", partial(render, one_layer(wheel), optics, focus_um=0.0)),
-            ("raster", partial(coverage, wheel, optics)),
-        ):
-            yield Figure(
-                name=f"rendering.{kind}{count}.ms", value=_best_ms(work, 3), unit="ms"
+        wheels = [_wheel(count, k * 0.01) for k in range(3)]
+        rendered, covered = (
+            1000 * min(cpu_s(partial(work, wheel)) for wheel in wheels)
+            for work in (
+                lambda wheel: render(one_layer(wheel), optics, focus_um=0.0),
+                lambda wheel: coverage(wheel, optics),
             )
+        )
+        yield Figure(
+            name=f"rendering.vertices{count}.ms",
+            value=rendered,
+            unit="ms",
+            floor=floor_ms(),
+        )
+        yield Figure(name=f"rendering.raster{count}.ms", value=covered, unit="ms")
+
+
+def _wheel(count: int, left_um: float) -> Outline:
+    """Return a polygon of `count` corners on two radii, `left_um` off the centre."""
+    angle = np.arange(count) * 2 * np.pi / count
+    radius = np.where(np.arange(count) % 2, 50.0, 49.5)
+    x, y = radius * np.cos(angle) - left_um, radius * np.sin(angle)
+    return polygon(list(zip(x.tolist(), y.tolist(), strict=True)))
 
 
 def _best_ms(work: Callable[[], object], repeats: int) -> float:

@@ -39,6 +39,12 @@ def test_a_figure_without_comparison_has_no_such_keys() -> None:
     }
 
 
+def test_a_time_is_not_below_its_floor() -> None:
+    with pytest.raises(ValueError, match="less than its floor"):
+        Figure(name="a", value=1.0, unit="ms", floor=2.0)
+    assert Figure(name="a", value=1.0, unit="nm", floor=2.0).floor == 2.0
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_figure_is_finite(value: float) -> None:
     with pytest.raises(ValueError, match="must be finite"):

@@ -187,6 +187,10 @@ def test_errors_and_times_are_positive_and_ordered(step: StepTradeoff) -> None:
             assert 0 < way.law_rms_error < way.law_max_error < 1
 
 
+def test_no_way_is_faster_than_one_transform_pair(step: StepTradeoff) -> None:
+    assert min(way.time_ms for way in step.ways) >= step.floor_ms
+
+
 def test_errors_fall_with_finer_sampling(step: StepTradeoff) -> None:
     error = {
         (way.band_error, way.margin): way.law_max_error or 0.0
