@@ -63,6 +63,9 @@ def contour_px(target: Target) -> tuple[FloatArray, FloatArray]:
 # what distinguishes two features of one kind and position
 _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")
 
+# of the radius: a polygon that is taken for a circle lies this near to it
+_ROUND = 1e-2
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
@@ -121,6 +124,22 @@ def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
     order = 2 if a.kind == "pair" else 1  # turned by half a turn a pair is the same
     turn = math.remainder(a.angle_rad - b.angle_rad, math.tau / order)
     return same and abs(turn) <= 1e-3
+
+
+def is_circle_alone(outline: Feature, circle: Feature) -> bool:
+    """Return whether a whole outline is one circle and nothing else.
+
+    Its edges are then the circle's own: it would be measured twice.
+    """
+    if outline.kind != "outline" or circle.kind != "circle" or outline.symmetry != 0:
+        return False
+    size, radius = outline.parameters["extent_um"], circle.parameters["radius_um"]
+    near = _ROUND * radius
+    return (
+        math.dist(outline.center_um, circle.center_um) <= near
+        and abs(size - radius) <= near
+        and abs(outline.edge_um - circle.edge_um) <= math.tau * near
+    )
 
 
 def renamed(feature: Feature, name: str) -> Feature:

@@ -7,7 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from microplan.arrays import Box
-from microplan.featuresel.features.feature import Feature, coincide, renamed
+from microplan.featuresel.features.feature import (
+    Feature,
+    coincide,
+    is_circle_alone,
+    renamed,
+)
 from microplan.featuresel.features.features import merge, propose
 from microplan.optics.outline.outline import Outline
 from microplan.optics.outline.tolerant_order import ordered
@@ -56,6 +61,8 @@ def proposals(task: Task, request: Request, shape: TargetShape) -> Proposals:
     found = tuple(_as_proposed(feature, proposed) for feature in found)
     same = [f for f in proposed if coincide(f, aim, within_um=SAME_UM)]
     rest = [f for f in found if not coincide(f, aim, within_um=SAME_UM)]
+    rounds = [f for f in (*same, *rest) if f.kind == "circle"]
+    rest = [f for f in rest if not any(is_circle_alone(f, c) for c in rounds)]
     body = shape.owner if post is None else request.target
     bright = post is None or post.reflectance > part.reflectance
     return Proposals(

@@ -15,6 +15,7 @@ from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape, shape_of
 from tests.planner.examples import EXAMPLE, read
 
+POST = "shaft_plate.post"
 HOLES = {"near": (-20.0, 10.0, 6.0), "far": (30.0, -5.0, 8.0)}  # x, y, radius
 
 
@@ -79,10 +80,22 @@ def test_the_target_is_not_among_the_others(task: Task, target: str) -> None:
 
 
 def test_features_of_a_post_go_by_its_name(task: Task) -> None:
-    shape, some = found(task, "shaft_plate.post")
+    shape, some = found(task, POST)
     assert shape.name == "shaft_plate.post"
-    assert [s.name for _, s in some.others] == ["shaft_plate.post.outline1"]
-    assert all(s.owner == "shaft_plate" for _, s in some.others)
+    assert some.target is not None
+    assert some.target.name == shape.name
+    assert some.others == ()  # its outline is the target's own circle
+
+
+def test_an_outline_of_two_circles_is_another_feature(task: Task) -> None:
+    """Its inner rim says as much of the place as the outer one, which is the target."""
+    plate_part = task.parts["shaft_plate"]
+    post = plate_part.posts["post"]
+    bore = Arc(center=(0.0, 0.0), radius_um=9.0, start_rad=0.0, sweep_rad=-math.tau)
+    tube = Outline(rings=(*post.outline.rings, Ring(edges=(bore,))))
+    posts = {"post": replace(post, outline=tube)}
+    _, some = found(with_part(task, replace(plate_part, posts=posts)), POST)
+    assert names(some) == {f"{POST}.circle2", f"{POST}.outline1"}
 
 
 def test_jaws_have_no_features_beside_themselves(task: Task) -> None:
