@@ -81,6 +81,7 @@ class Feature:
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it, if the part is
     edge_um: float  # length of its drawn edges, which determines its precision
+    region: str = ""  # outline: which ring it is, by any name; "": all of the body
     # largest share of those edges that meets itself under a turn the symmetry does not
     # have: what a wrong answer would look like; and that turn, the smallest such
     alike: float = 0.0
@@ -111,10 +112,10 @@ def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
     """Return whether two features of a part are one: of a kind, a position and sizes.
 
     Sizes that only one of them states do not count. A part has one whole outline,
-    about whatever point.
+    about whatever point; outlines of regions go by their names.
     """
     if a.kind == b.kind == "outline":
-        return True
+        return a.region == b.region
     if a.kind != b.kind or math.dist(a.center_um, b.center_um) > within_um:
         return False
     shared = [n for n in _SIZES if n in a.parameters and n in b.parameters]

@@ -11,7 +11,6 @@ from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
 from microplan.planner.assembly.assembly import initial
 from microplan.planner.task.task import Part, Task
 from microplan.planner.views.features import Proposals, offset_um, proposals
-from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape, shape_of
 from tests.planner.examples import EXAMPLE, read
 
@@ -29,11 +28,7 @@ def found(task: Task, target: str) -> tuple[TargetShape, Proposals]:
     state = initial(task)
     shape = shape_of(task, state, target)
     assert shape is not None
-    request = Request(
-        id="look", target=target, state=state, tolerance_um=1.0, wants_angle=True,
-        needs_angle_rad=None, where=task.steps[0].where, view_where=None,
-    )  # fmt: skip
-    return shape, proposals(task, request, shape)
+    return shape, proposals(task, shape)
 
 
 def names(some: Proposals) -> set[str]:
