@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from microplan.arrays import Point
@@ -27,6 +27,7 @@ def read_features(
     unit_um: float,
     origin: Point,
     report: Report,
+    unread: Collection[str] = (),
 ) -> dict[str, PartFeature]:
     """Return the declared features that a part's faces have, by name.
 
@@ -44,11 +45,14 @@ def read_features(
         Where the drawing has the origin of the faces' frame, um.
     report : Report
         Receives what is not found.
+    unread : collection of str
+        Layers, in lower case, of which something was reported: features on them are
+        left out.
     """
     found: dict[str, PartFeature] = {}
     for key, raw in sorted(task.source.mapping("parts", part, "features").items()):
         where = ("parts", part, "features", key)
-        if not task.good(*where):
+        if not task.good(*where) or raw.get("layer", "").lower() in unread:
             continue
         if "ring" in raw and "at" in raw:
             message = f"key 'at' means nothing beside 'ring' in {'.'.join(where)}"

@@ -16,7 +16,13 @@ from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named
 from microplan.planner.task.features import NotFoundError
 from microplan.planner.task.part_features import read_features, whole_outline
 from microplan.planner.task.regions.symmetry import centroid, symmetry_order
-from microplan.planner.task.surfaces import OWN, check_marks, read_marks, take_marks
+from microplan.planner.task.surfaces import (
+    OWN,
+    check_marks,
+    read_marks,
+    take_marks,
+    unread_layers,
+)
 from microplan.planner.task.task import Part, PartFeature, Post
 
 CENTRE = "centre"  # an origin: the centroid of the outline's area
@@ -54,7 +60,13 @@ def _part(
     faces = {key: each.outline for key, each in takes.items()}
     check_marks(task, name, faces, report)
     found = read_features(
-        task, name, faces, unit_um=unit_um, origin=(0.0, 0.0), report=report
+        task,
+        name,
+        faces,
+        unit_um=unit_um,
+        origin=(0.0, 0.0),
+        report=report,
+        unread=unread_layers(task, name, faces),
     )
     origin = _origin(task, name, unit_um, taken.outline, found)
     if errors or report.failed or not task.good("parts", name):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +95,22 @@ def take_marks(
         if taken is not None:
             found[name] = taken
     return found
+
+
+def unread_layers(task: Checked, part: str, taken: Collection[str]) -> frozenset[str]:
+    """Return the layers of posts and marks that are not among those taken, by names.
+
+    In lower case: what is wrong with them was reported.
+    """
+    source = task.source
+    posts = source.mapping("parts", part, "posts")
+    named = [*posts.items(), *source.mapping("parts", part, "marks").items()]
+    for post in posts:
+        marks = source.mapping("parts", part, "posts", post, "marks")
+        named += [(f"{post}.{key}", raw) for key, raw in marks.items()]
+    layers = [raw.get("layer") for name, raw in named
+              if isinstance(raw, dict) and name not in taken]  # fmt: skip
+    return frozenset(name.lower() for name in layers if isinstance(name, str))
 
 
 def read_marks(

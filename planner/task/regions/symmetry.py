@@ -16,6 +16,7 @@ from microplan.planner.task.regions.rings import corners
 NEAR = 2e-3  # of the radius: edges nearer than this meet when a ring is turned
 _PLACES = 9  # decimals of a centroid, um: one at 0 is at 0
 _SAMPLES = 1440  # points along a ring
+_FEW = 60  # of them one is compared first: most turns meet nowhere
 _MOST = 360  # orders that are tried
 _ODD = (89, 97)  # turns that only what is round meets itself under
 
@@ -59,9 +60,13 @@ def symmetry_order(ring: Ring) -> int:
     rays, near = _at(z, ends, shares), NEAR * float(np.abs(z).max())
     turn = 1 if ring.signed_area_um2 > 0 else -1
 
+    def apart(n: int, step: int) -> bool:
+        turned = rays[::step] * cmath.rect(1.0, turn * math.tau / n)
+        moved = _at(z, ends, shares[::step] + 1 / n)
+        return bool((np.abs(moved - turned) > near).any())
+
     def meets(n: int) -> bool:
-        turned = rays * cmath.rect(1.0, turn * math.tau / n)
-        return bool((np.abs(_at(z, ends, shares + 1 / n) - turned) <= near).all())
+        return not (apart(n, _FEW) or apart(n, 1))
 
     if all(meets(n) for n in _ODD):
         return 0
