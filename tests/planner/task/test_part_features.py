@@ -13,6 +13,8 @@ import pytest
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, flatten
 from microplan.planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.task.drawn import svg
+from microplan.planner.task.part_summary import part_lines
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Part
 from tests.planner.chips import (
@@ -201,6 +203,15 @@ def test_the_way_rings_are_drawn_changes_nothing(tmp_path: Path) -> None:
             feature.symmetry, feature.ring, feature.on
         )  # fmt: skip
         assert again.center_um == pytest.approx(feature.center_um, abs=1e-8)
+
+
+def test_the_summary_and_the_picture_have_regions_and_marks(tmp_path: Path) -> None:
+    part = chip(write_chip(tmp_path / "task"))
+    lines = "\n".join(part_lines(part))
+    assert "mark plus: 30 x 30 um, 416 um2, reflectance 0.9" in lines
+    assert "region cross: 30 x 30 um about (0, -35), on plus, 4-fold" in lines
+    assert "layer CROSS: 12 LINE -> 1 ring of 12 edges" in lines
+    assert svg(part).count('class="flat"') == len(part.marks) == 3
 
 
 def straight(outline: Outline) -> dict[str, list[list[Point]]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from microplan.executor.simulated.camera import scene_of
+from microplan.executor.simulated.truth import made_truth
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Scene, Window
 from microplan.planner.assembly.assembly import initial
@@ -105,9 +107,8 @@ def test_a_face_shows_its_own_reflectance(chip: Path, name: str) -> None:
     Blurred edges at half the least width of 8 um, 4.6 lambda / A away, have .01 left.
     """
     task = read(chip)
-    file = {"slot": 0.1, "pocket": 0.1, "pad": 0.9, "cross": 0.9, "rectangle": 0.8}
+    share = {"slot": 0.1, "pocket": 0.1, "pad": 0.9, "cross": 0.9, "rectangle": 0.8}
     state = initial(task)
-    state = replace(state, parts={"chip": replace(state.parts["chip"])})
     scene = world_scene(task, state)
     scope = microscope_at(task.workcell, 20.0)
     k, pose = scope.px_per_um, state.parts["chip"].pose
@@ -122,7 +123,7 @@ def test_a_face_shows_its_own_reflectance(chip: Path, name: str) -> None:
         focus_um=focus,
         window=Window(row=row, column=column, rows=1, columns=1),
     )
-    assert seen.item() == pytest.approx(file[name], abs=0.02)
+    assert seen.item() == pytest.approx(share[name], abs=0.02)
 
 
 def test_the_layers_of_one_height_cover_each_point_once(chip: Path) -> None:
@@ -131,6 +132,27 @@ def test_the_layers_of_one_height_cover_each_point_once(chip: Path) -> None:
     layers = world_scene(task, initial(task)).layers
     flat = sum(layer.outline.area_um2 for layer in layers if layer.z_um == 50.0)
     assert flat == pytest.approx(task.parts["chip"].outline.area_um2, rel=1e-12)
+
+
+def test_the_cell_shows_the_faces_that_the_compiler_does(chip: Path) -> None:
+    """By name, area and reflectance; the cell lays the part down elsewhere."""
+    task = read(chip)
+    world = build_world(task, initial(task))
+    streams = ("profile", "start", "tilt", "drift", "stage", "robot")
+    rng = {name: np.random.default_rng(k) for k, name in enumerate(streams)}
+    truth = made_truth(world, rng, missing=False)
+    shown, meant = (
+        {
+            layer.name: (layer.outline.area_um2, layer.reflectance)
+            for layer in scene.layers
+            if layer.name.startswith("chip")
+        }
+        for scene in (scene_of(truth), world_scene(task, initial(task)))
+    )
+    assert shown.keys() == meant.keys()
+    assert len(meant) == 5
+    for name, values in meant.items():
+        assert shown[name] == pytest.approx(values, rel=1e-9)
 
 
 def test_the_world_of_the_cell_has_the_marks(chip: Path) -> None:
