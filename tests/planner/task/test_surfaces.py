@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from microplan.arrays import FloatArray
 from microplan.executor.simulated.camera import scene_of
 from microplan.executor.simulated.truth import made_truth
+from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
-from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.planner.assembly.assembly import initial
 from microplan.planner.assembly.world import build_world
 from microplan.planner.task.surfaces import surfaces
@@ -124,6 +126,34 @@ def test_a_face_shows_its_own_reflectance(chip: Path, name: str) -> None:
         window=Window(row=row, column=column, rows=1, columns=1),
     )
     assert seen.item() == pytest.approx(share[name], abs=0.02)
+
+
+def test_a_mark_out_of_focus_is_its_face_plus_a_difference(chip: Path) -> None:
+    """Blur is linear: each mark adds its step over the face, blurred by itself.
+
+    The images' band and margin are chosen to 1e-4 of full scale.
+    """
+    task = read(chip)
+    part, state = task.parts["chip"], initial(task)
+    scope = microscope_at(task.workcell, 6.9)
+    pose = state.parts["chip"].pose
+
+    def blurred(*layers: Layer, background: float = 0.0) -> FloatArray:
+        scene = Scene(layers=layers, background=background)
+        window = Window(row=180, column=240, rows=120, columns=160)
+        return render(scene, scope, focus_um=40.0, window=window)
+
+    def alone(outline: Outline) -> FloatArray:
+        there = place(outline, pose.x_um, pose.y_um, pose.theta_rad)
+        return blurred(Layer(name="a", outline=there, z_um=50.0, reflectance=1.0))
+
+    flat = [la for la in world_scene(task, state).layers if la.z_um == 50.0]
+    expected = 0.1 + (part.reflectance - 0.1) * alone(part.outline)
+    for mark in part.marks.values():
+        expected += (mark.reflectance - part.reflectance) * alone(mark.outline)
+    shown = blurred(*flat, background=0.1)
+    np.testing.assert_allclose(shown, expected, atol=1e-4)
+    assert np.ptp(shown) > 0.5  # there is something to see
 
 
 def test_the_layers_of_one_height_cover_each_point_once(chip: Path) -> None:

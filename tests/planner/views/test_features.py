@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,7 @@ from microplan.planner.assembly.assembly import initial
 from microplan.planner.task.task import Part, Task
 from microplan.planner.views.features import Proposals, offset_um, proposals
 from microplan.planner.views.targets import TargetShape, shape_of
+from tests.planner.chips import PART, REGIONS, write_chip
 from tests.planner.examples import EXAMPLE, read
 
 POST = "shaft_plate.post"
@@ -142,3 +144,45 @@ def test_features_of_other_kinds_come_first(task: Task) -> None:
     assert len(set(kinds[:count])) == count
     edges = [f.edge_um for f, _ in some.others if f.kind == "edge"]
     assert edges == sorted(edges, reverse=True)
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_declared_regions_of_one_height_stand_in_for_each_other(
+    tmp_path: Path, name: str
+) -> None:
+    """The rectangle is the top of a post; all others lie on the part's face."""
+    shape, some = found(read(write_chip(tmp_path / "task")), f"chip.{name}")
+    assert shape.name == f"chip.{name}"
+    others = {s.name: s for _, s in some.others}
+    flat = {f"chip.{other}" for other in REGIONS if other != "rectangle"}
+    declared = {s for s in others if s.removeprefix("chip.") in REGIONS}
+    assert declared == (set() if name == "rectangle" else flat - {shape.name})
+    assert len({s.name for _, s in some.others}) == len(some.others)
+    for other in declared:
+        assert others[other] == found_shape(tmp_path / "task" / "task.yaml", other)
+
+
+def found_shape(file: Path, name: str) -> TargetShape | None:
+    """Return a target as a look at it has it."""
+    task = read(file)
+    return shape_of(task, initial(task), name)
+
+
+def test_a_post_that_is_not_round_is_a_region(tmp_path: Path) -> None:
+    file = write_chip(tmp_path / "task")
+    post, region = (found_shape(file, f"chip.{n}") for n in ("block", "rectangle"))
+    assert post is not None
+    assert region is not None
+    assert replace(post, name=region.name) == region
+    assert (post.kind, post.symmetry, post.has_angle) == ("outline", 2, True)
+
+
+def test_avoiding_a_region_leaves_the_whole_outline(tmp_path: Path) -> None:
+    text = PART.replace("layer: SLOT}", "layer: SLOT, avoid: true}")
+    _, some = found(read(write_chip(tmp_path / "task", text)), "chip.cross")
+    assert "chip.slot" not in names(some)
+    assert {"chip.pad", "chip.pocket"} <= names(some)
+    assert ("chip.slot", "outline") in some.avoided
+    _, on_part = found(read(tmp_path / "task" / "task.yaml"), "chip")
+    assert on_part.target is not None
+    assert "chip.slot" not in names(on_part)
