@@ -73,9 +73,14 @@ def circle(rings: Sequence[Ring]) -> DominantCircle:
     raise NotFoundError(f"it holds {len(found)} circles, um: {said}")
 
 
-def teeth(rings: Sequence[Ring]) -> Teeth:
-    """Return the teeth of the only ring that has tips and roots about one centre."""
+def teeth(rings: Sequence[Ring], count: int = 0) -> Teeth:
+    """Return the teeth of the only ring that has tips and roots about one centre.
+
+    Of several it is the only one with `count` of them: a cross has four.
+    """
     found = [t for ring in rings if (t := teeth_of(ring)) is not None]
+    alike = [t for t in found if t.count == count]
+    found = alike if len(alike) == 1 else found
     if len(found) != 1:
         raise NotFoundError(
             f"{len(found)} of its {len(rings)} rings have tips and roots about one "

@@ -181,7 +181,7 @@ def _circle(
 def _teeth(
     name: str, raw: Mapping[str, Any], on: str, rings: Sequence[Ring], at: Span
 ) -> PartFeature:
-    found = features.teeth(rings)
+    found = features.teeth(rings, raw["count"])
     if found.count != raw["count"]:
         raise _CountError(f"{raw['count']} teeth stated, {found.count} drawn")
     return _make(

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, Ring, flatten, place
 from microplan.planner.drawings.rings import canonical
+from microplan.planner.task.features import NotFoundError, teeth
 from microplan.planner.task.regions.symmetry import symmetry_order
 from microplan.planner.task.regions.teeth import teeth_of
 from tests.planner.chips import cross, rectangle, slot
@@ -97,6 +98,13 @@ def test_a_long_tooth_does_not_move_the_others() -> None:
 )
 def test_other_rings_have_no_teeth(ring: Ring) -> None:
     assert teeth_of(ring) is None
+
+
+def test_of_two_toothed_rings_it_is_the_one_with_the_stated_count() -> None:
+    rings = [gear(18, 50.0, 45.0, 0.2, 0.4), polygon(cross(30.0, 8.0)).reversed()]
+    assert [teeth(rings, count).count for count in (18, 4)] == [18, 4]
+    with pytest.raises(NotFoundError, match="2 of its 2 rings"):
+        teeth(rings, 17)
 
 
 def test_the_arms_of_a_cross_are_its_teeth() -> None:
