@@ -13,6 +13,7 @@ from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts, Frame
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.lens import SimLens
+from microplan.executor.simulated.shapes import outline_of
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
 from microplan.executor.simulated.truth import TrueBody, Truth
 from microplan.optics.layers.shading import render_coaxial
@@ -201,21 +202,26 @@ def scene_of(truth: Truth) -> Scene:
 
 
 def _layers(truth: Truth, body: TrueBody) -> Iterator[Layer]:
-    """Yield a body's face and the tops of its posts."""
-    pose, top_um = truth.pose(body), truth.top_um(body)
-    yield Layer(
-        name=body.part.name,
-        outline=_at(body.outline, pose),
-        z_um=top_um,
-        reflectance=body.part.reflectance,
-    )
-    for post in body.posts:
-        yield Layer(
-            name=post.name,
-            outline=_at(post.outline, pose),
-            z_um=top_um + post.height_um,
-            reflectance=post.reflectance,
-        )
+    """Yield a body's face, the tops of its posts, and the marks on them."""
+    part, top_um = body.part, truth.top_um(body)
+    faces = [(part.name, body.outline, top_um, part.reflectance)]
+    faces += [
+        (post.name, post.outline, top_um + post.height_um, post.reflectance)
+        for post in body.posts
+    ]
+    for name, outline, z_um, reflectance in faces:
+        marks = [m for m in part.marks if m.on == name]
+        shapes = [outline_of(mark.outline) for mark in marks]
+        holes = tuple(ring.reversed() for shape in shapes for ring in shape.rings)
+        seen = [(name, Outline(rings=outline.rings + holes), reflectance)]
+        seen += [(m.name, o, m.reflectance) for m, o in zip(marks, shapes, strict=True)]
+        for shown, edges, share in seen:
+            yield Layer(
+                name=shown,
+                outline=_at(edges, truth.pose(body)),
+                z_um=z_um,
+                reflectance=share,
+            )
 
 
 def _fingers(truth: Truth) -> Iterator[Layer]:

@@ -63,6 +63,9 @@ def contour_px(target: Target) -> tuple[FloatArray, FloatArray]:
 # what distinguishes two features of one kind and position
 _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")
 
+# of the radius: a polygon that is taken for a circle lies this near to it
+_ROUND = 1e-2
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
@@ -78,6 +81,7 @@ class Feature:
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it, if the part is
     edge_um: float  # length of its drawn edges, which determines its precision
+    region: str = ""  # outline: which ring it is, by any name; "": all of the body
     # largest share of those edges that meets itself under a turn the symmetry does not
     # have: what a wrong answer would look like; and that turn, the smallest such
     alike: float = 0.0
@@ -108,10 +112,10 @@ def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
     """Return whether two features of a part are one: of a kind, a position and sizes.
 
     Sizes that only one of them states do not count. A part has one whole outline,
-    about whatever point.
+    about whatever point; outlines of regions go by their names.
     """
     if a.kind == b.kind == "outline":
-        return True
+        return a.region == b.region
     if a.kind != b.kind or math.dist(a.center_um, b.center_um) > within_um:
         return False
     shared = [n for n in _SIZES if n in a.parameters and n in b.parameters]
@@ -121,6 +125,22 @@ def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
     order = 2 if a.kind == "pair" else 1  # turned by half a turn a pair is the same
     turn = math.remainder(a.angle_rad - b.angle_rad, math.tau / order)
     return same and abs(turn) <= 1e-3
+
+
+def is_circle_alone(outline: Feature, circle: Feature) -> bool:
+    """Return whether a whole outline is one circle and nothing else.
+
+    Its edges are then the circle's own: it would be measured twice.
+    """
+    if outline.kind != "outline" or circle.kind != "circle" or outline.symmetry != 0:
+        return False
+    size, radius = outline.parameters["extent_um"], circle.parameters["radius_um"]
+    near = _ROUND * radius
+    return (
+        math.dist(outline.center_um, circle.center_um) <= near
+        and abs(size - radius) <= near
+        and abs(outline.edge_um - circle.edge_um) <= math.tau * near
+    )
 
 
 def renamed(feature: Feature, name: str) -> Feature:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from microplan.optics.outline.outline import Outline, place
+from microplan.planner.task.surfaces import OWN, Covering, marks_on, surfaces
 from microplan.planner.task.task import Part, Reading, Task
 from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.pose import Pose
@@ -89,6 +90,7 @@ class Body:
     reflectance: float
     sigma_xy_um: float
     sigma_z_um: float
+    marks: tuple[Covering, ...] = ()  # that lie flat on top of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,9 +245,8 @@ def inner_center(part: Part, inner: str) -> tuple[float, float]:
 
 def face_um(part: Part, inner: str) -> float:
     """Return the height of a feature's or post's face above the part's underside."""
-    if inner in part.posts:
-        return part.thickness_um + part.posts[inner].height_um
-    return part.thickness_um
+    named = part.features.get(inner)
+    return surfaces(part)[named.on if named else inner].z_um
 
 
 def bodies(task: Task, state: State) -> tuple[Body, ...]:
@@ -284,15 +285,15 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
         if held.carrier == "stage"
         else held.sigma_z_um
     )
-    prisms = [(name, part.outline, low, part.thickness_um, part.reflectance)]
+    prisms = [(OWN, part.outline, low, part.thickness_um, part.reflectance)]
     foot = low + part.thickness_um
     prisms += [
-        (f"{name}.{post.name}", post.outline, foot, post.height_um, post.reflectance)
+        (post.name, post.outline, foot, post.height_um, post.reflectance)
         for post in part.posts.values()
     ]
     return [
         Body(
-            name=body,
+            name=f"{name}.{face}" if face else name,
             owner=name,
             carrier=held.carrier,
             outline=place(outline, pose.x_um, pose.y_um, pose.theta_rad),
@@ -301,8 +302,9 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
             reflectance=reflectance,
             sigma_xy_um=part_sigma_um(state, name),
             sigma_z_um=sigma_z,
+            marks=marks_on(part, face, (pose.x_um, pose.y_um, pose.theta_rad)),
         )
-        for body, outline, base, height, reflectance in prisms
+        for face, outline, base, height, reflectance in prisms
     ]
 
 

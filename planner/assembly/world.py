@@ -21,6 +21,7 @@ from microplan.schemas.files.world import (
     WorldAxes,
     WorldHole,
     WorldLens,
+    WorldMark,
     WorldOptics,
     WorldOutline,
     WorldPart,
@@ -189,7 +190,7 @@ def _of(kind: type[T], *sources: object, **given: object) -> T:
 
 
 def _part(task: Task, part: Part) -> WorldPart:
-    """Return a part with its holes, posts and start."""
+    """Return a part with its holes, posts, marks and start."""
     start = task.part_starts[part.name]
     return _of(
         WorldPart,
@@ -208,7 +209,17 @@ def _part(task: Task, part: Part) -> WorldPart:
         holes=tuple(
             _of(WorldHole, feature, name=f"{part.name}.{feature.name}")
             for feature in part.features.values()
-            if feature.kind == "circle" and feature.hole
+            if feature.kind == "circle" and feature.hole and not feature.on
+        ),
+        marks=tuple(
+            _of(
+                WorldMark,
+                mark,
+                name=f"{part.name}.{mark.name}",
+                on=f"{part.name}.{mark.on}" if mark.on else part.name,
+                outline=world_outline(mark.outline),
+            )
+            for mark in part.marks.values()
         ),
         hull_minima_rad=squeeze_minima_rad(part.outline),
         start=Pose(x_um=start.x_um, y_um=start.y_um, theta_rad=start.theta_rad),

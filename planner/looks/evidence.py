@@ -78,6 +78,7 @@ def _mark(found: MeasuredFeature) -> FeatureMark:
         pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.target.theta_rad),
         z_um=case.focus_um,
         parameters=case.target.parameters,
+        body=found.shape.body,
     )
 
 

@@ -68,7 +68,7 @@ def target_alone(
 
 def _proposals(problem: LookProblem) -> Proposals:
     """Return the features that may be measured, and those that may not."""
-    return proposals(problem.task, problem.request, problem.shape)
+    return proposals(problem.task, problem.shape)
 
 
 def _candidates(

@@ -27,7 +27,11 @@ from microplan.planner.views.lens_errors import known_errors, lamp_aperture
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
 from microplan.planner.views.scenes import relevant, world_scene
 from microplan.planner.views.target_views import needed_shape, search_um, target_pose
-from microplan.planner.views.targets import TargetShape, outline_of, target_layers
+from microplan.planner.views.targets import (
+    TargetShape,
+    target_edges,
+    target_layers,
+)
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 
 MOST_TOGETHER = 4  # features that one look measures
@@ -211,7 +215,7 @@ def _carrying(task: Task, request: Request, shape: TargetShape) -> list[Outline]
     """Return the outlines that hold the target's edges, in the target's frame."""
     if shape.owner in task.workcell.tools:
         return [layer.outline for layer in target_layers(task, request.state, shape)]
-    return [outline_of(task, shape)]
+    return [target_edges(task, shape)]
 
 
 def _target(

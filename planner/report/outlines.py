@@ -79,7 +79,7 @@ def feature(
     p, owner = mark.parameters, mark.name.partition(".")[0]
     if world is not None and mark.kind in ("outline", "jaws"):
         jaws = [f"{owner}.left", f"{owner}.right"]
-        names = [owner] if mark.kind == "outline" else jaws
+        names = [mark.body or owner] if mark.kind == "outline" else jaws
         yield from (u for n in names if (u := body(world, evidence, n)) is not None)
     yield el("g", [*_shape(mark.kind, p), _cross(_size_um(p))],
              transform=_matrix(mark.pose))  # fmt: skip

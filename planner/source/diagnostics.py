@@ -64,6 +64,8 @@ TITLES: Mapping[str, str] = {
     "MP225": "curves became arcs",
     "MP226": "second reader disagrees",
     "MP227": "no second reading",
+    "MP228": "several rings could be meant",
+    "MP229": "mark is not on its face",
     "MP230": "not a readable GDSII file",
     "MP231": "not clear which cell",
     "MP232": "cells do not make a drawing",

@@ -29,6 +29,11 @@ def plain_outline(outline: Outline) -> list[list[list[Any]]]:
     return [[_edge(edge) for edge in ring.edges] for ring in outline.rings]
 
 
+def plain_lengths(*lengths_um: float) -> list[float]:
+    """Return lengths to 1e-6 um, as those of outlines."""
+    return [_round(length, 6) for length in lengths_um]
+
+
 def _edge(edge: Edge) -> list[Any]:
     if isinstance(edge, Segment):
         return ["line", *(_round(v, 6) for v in (*edge.start, *edge.end))]

@@ -73,12 +73,20 @@ def open_named(checked: Checked, *where: Key, report: Report) -> AnyDrawing | No
 
 
 def take(
-    drawing: AnyDrawing, layers: Sequence[str], report: Report, at: Span | None = None
+    drawing: AnyDrawing,
+    layers: Sequence[str],
+    report: Report,
+    at: Span | None = None,
+    *,
+    apart: bool = False,
 ) -> Taken | None:
-    """Return what `layers` enclose, None if why not was reported."""
+    """Return what `layers` enclose, None if why not was reported.
+
+    One outer ring with its holes, or with `apart` any number of them.
+    """
     if isinstance(drawing, GdsDrawing):
-        return take_gds(drawing, layers, report, at)
-    return take_dxf(drawing, layers, report, at)
+        return take_gds(drawing, layers, report, at, apart=apart)
+    return take_dxf(drawing, layers, report, at, apart=apart)
 
 
 def form(drawing: AnyDrawing) -> str:

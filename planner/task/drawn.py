@@ -28,6 +28,7 @@ _BAR = 0.3  # of the width, that the scale bar takes at most
 _STYLE = (
     "text{font-family:sans-serif;fill:#222}"
     ".part{fill:#d8e2ee;stroke:#1f3a5f}.post{fill:#f3d9a4;stroke:#7a5200}"
+    ".flat{fill:#cfe3c8;stroke:#2c5a1e}"
     ".number{paint-order:stroke;stroke:#fff;stroke-width:.25em}"
     ".mark{stroke:#a11;fill:none}.bar{stroke:#222}rect{fill:#fff}"
 )
@@ -77,6 +78,7 @@ def svg(part: Part) -> str:
             f'<rect x="{left:.6g}" y="{top:.6g}" width="100%" height="100%"/>',
             f'<g stroke-width="{line:.4g}" font-size="{letter:.4g}">',
             _path(part.outline, "part"),
+            *(_path(mark.outline, "flat") for _, mark in sorted(part.marks.items())),
             *(_path(post.outline, "post") for _, post in sorted(part.posts.items())),
             *marks,
             _bar((x0, y0), width, margin),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,8 +13,13 @@ from microplan.arrays import Point
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
 from microplan.planner.drawings.biarcs import fit_circle
 from microplan.planner.drawings.rings import SAME_UM, same_circle
+from microplan.planner.task.regions.teeth import Teeth, samples, teeth_of
 
 LEAST_CORNERS = 8  # of a polygon that may be taken for a circle
+# of the radius: what a program that rounds to 1 nm makes of a 2 um circle
+_ON = 5e-4
+_TRIMMED = 20  # fits without what the one before left off the circle
+_CLEAR = 4.0  # chords' heights: what departs by less may be a coarse circle
 
 
 class NotFoundError(ValueError):
@@ -32,17 +36,6 @@ class DominantCircle:
     ring: Ring
     on: tuple[bool, ...]  # per edge of the ring, whether it lies on the circle
     chord_um: float = 0.0  # how far the edges of a polygon run inside it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Teeth:
-    """A toothed ring, tips and roots being arcs about one centre."""
-
-    center_um: Point
-    outer_um: float
-    root_um: float
-    count: int
-    phase_rad: float  # of a tooth's middle, in [0, 2 pi / count)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,13 +73,18 @@ def circle(rings: Sequence[Ring]) -> DominantCircle:
     raise NotFoundError(f"it holds {len(found)} circles, um: {said}")
 
 
-def teeth(rings: Sequence[Ring]) -> Teeth:
-    """Return the teeth of the only ring that has tips and roots about one centre."""
-    found = [t for ring in rings if (t := _teeth(ring)) is not None]
+def teeth(rings: Sequence[Ring], count: int = 0) -> Teeth:
+    """Return the teeth of the only ring that has tips and roots about one centre.
+
+    Of several it is the only one with `count` of them: a cross has four.
+    """
+    found = [t for ring in rings if (t := teeth_of(ring)) is not None]
+    alike = [t for t in found if t.count == count]
+    found = alike if len(alike) == 1 else found
     if len(found) != 1:
         raise NotFoundError(
-            f"{len(found)} of its {len(rings)} rings have tips and roots that are "
-            "arcs about one centre"
+            f"{len(found)} of its {len(rings)} rings have tips and roots about one "
+            "centre"
         )
     return found[0]
 
@@ -127,7 +125,7 @@ def dominant_circle(ring: Ring) -> DominantCircle | None:
     """Return the circle that holds more than half of the ring's length."""
     arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
     if not arcs:
-        return _around(ring)
+        return _around(ring) or _around_most(ring)
     half = sum(edge.length_um for edge in ring.edges) / 2
     for arc in _frequent(arcs, half):
         on = tuple(
@@ -185,57 +183,37 @@ def _around(ring: Ring) -> DominantCircle | None:
     )  # fmt: skip
 
 
-def _teeth(ring: Ring) -> Teeth | None:
-    """Return the ring's teeth, None if it is no toothed ring."""
-    arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
-    best: list[Arc] = []
-    for first in arcs[:64]:  # the wanted centre is that of every tip and root
-        about = [a for a in arcs if math.dist(a.center, first.center) <= SAME_UM]
-        if _length(about) > _length(best) + SAME_UM:
-            best = about
-    if not best:
-        return None
-    outer, root = max(a.radius_um for a in best), min(a.radius_um for a in best)
-    if outer - root <= 2 * SAME_UM:
-        return None
-    center = best[0].center
-    middles = _tooth_middles(ring, center, (outer + root) / 2)
-    if not middles:
-        return None
-    count = len(middles)
-    turn = sum(cmath.rect(1.0, count * middle) for middle in middles)
-    phase = cmath.phase(turn) / count
-    return Teeth(
-        center_um=center, outer_um=outer, root_um=root, count=count,
-        phase_rad=0.0 if abs(phase) < 1e-12 else phase % (math.tau / count),
-    )  # fmt: skip
+def _around_most(ring: Ring) -> DominantCircle | None:
+    """Return the circle that most of a polygon lies on, what departs from it clear.
 
-
-def _tooth_middles(ring: Ring, center: Point, radius_um: float) -> list[float]:
-    """Return the angle of each tooth's middle where it crosses a radius.
-
-    A tooth that is bent or moved still counts as one.
+    The fit is repeated without the farther half of what it leaves off the circle.
     """
-    points = [point for edge in ring.edges for point in _samples(edge)]
-    over = [math.dist(point, center) - radius_um for point in points]
-    angles = [math.atan2(y - center[1], x - center[0]) for x, y in points]
-    crossings = []  # (angle, whether the ring goes outward there)
-    for k in range(len(points)):
-        before, after = over[k - 1], over[k]
-        if (before > 0) != (after > 0):
-            share = before / (before - after)
-            turn = math.remainder(angles[k] - angles[k - 1], math.tau)
-            crossings.append((angles[k - 1] + share * turn, after > 0))
-    middles = []
-    for k, (angle, outward) in enumerate(crossings):
-        if outward:
-            back = crossings[(k + 1) % len(crossings)][0]
-            middles.append(angle + math.remainder(back - angle, math.tau) / 2)
-    return middles
-
-
-def _length(arcs: Sequence[Arc]) -> float:
-    return sum(arc.length_um for arc in arcs)
+    corners = np.array([edge.start for edge in ring.edges])
+    if len(corners) < LEAST_CORNERS:
+        return None
+    on = np.ones(len(corners), dtype=np.bool_)
+    for _ in range(_TRIMMED):
+        center, radius_um = fit_circle(corners[on])
+        off = np.abs(np.hypot(*(corners - center).T) - radius_um)
+        before, on = on, off <= max(_ON * radius_um, float(np.median(off)))
+        if np.count_nonzero(on) < LEAST_CORNERS:
+            return None
+        if (on == before).all():
+            break
+    on = off <= _ON * radius_um
+    lengths = np.array([edge.length_um for edge in ring.edges])
+    widest_um = 2 * radius_um * math.sin(math.pi / LEAST_CORNERS) * (1 + 1e-6)
+    both = on & np.roll(on, -1) & (lengths <= widest_um)
+    if on.all() or lengths[both].sum() <= lengths.sum() / 2:
+        return None
+    half = np.minimum(lengths[both].max() / (2 * radius_um), 1.0)
+    chord_um = float(radius_um * (1 - math.sqrt(1 - half**2)))
+    if off.max() < _CLEAR * chord_um:
+        return None
+    return DominantCircle(
+        center_um=center, radius_um=radius_um, hole=ring.signed_area_um2 < 0,
+        ring=ring, on=tuple(both.tolist()), chord_um=chord_um,
+    )  # fmt: skip
 
 
 def _runs(marks: Sequence[bool]) -> list[list[int]]:
@@ -257,7 +235,7 @@ def _runs(marks: Sequence[bool]) -> list[list[int]]:
 
 def _along(edges: Sequence[Edge], center: Point, axis: Point) -> float:
     """Return the distance from `center` at which `edges` cross the axis."""
-    points = [point for edge in edges for point in _samples(edge)]
+    points = [point for edge in edges for point in samples(edge)]
     rays = [(x - center[0], y - center[1]) for x, y in points]
     sides = [axis[0] * y - axis[1] * x for x, y in rays]
     for (a, b), (p, q) in zip(pairwise(sides), pairwise(rays), strict=True):
@@ -267,13 +245,6 @@ def _along(edges: Sequence[Edge], center: Point, axis: Point) -> float:
             if x * axis[0] + y * axis[1] > 0:
                 return math.hypot(x, y)
     raise NotFoundError("its notch does not cross its own middle")
-
-
-def _samples(edge: Edge) -> list[Point]:
-    """Return points along an edge; 64 chords of an arc err by 3e-4 of its radius."""
-    if isinstance(edge, Arc):
-        return [edge.at(k / 64) for k in range(65)]
-    return [edge.start, edge.end]
 
 
 def _reach(edge: Edge, center: Point) -> float:

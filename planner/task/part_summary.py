@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from microplan.optics.outline.outline import Outline
 from microplan.planner.task.drawings import form, rows
 from microplan.planner.task.features import DominantCircle, dominant_circle
+from microplan.planner.task.surfaces import surfaces
 from microplan.planner.task.task import Part
 
 MOST_CIRCLES = 12  # diameters that are listed for one part
@@ -35,6 +36,28 @@ def part_lines(part: Part) -> Iterator[str]:
         yield f"  and circles of {_plural(len(lines) - MOST_CIRCLES, 'diameter')} more"
     for name, post in sorted(part.posts.items()):
         yield f"  post {name}: {_shape(post.outline)}, {post.height_um:g} um high"
+    for name, mark in sorted(part.marks.items()):
+        yield f"  mark {name}: {_shape(mark.outline)}, reflectance {mark.reflectance:g}"
+    yield from (f"  {line}" for line in _regions(part))
+
+
+def _regions(part: Part) -> Iterator[str]:
+    """Yield the features that are rings, with their places and symmetries."""
+    faces = surfaces(part)
+    for name, feature in sorted(part.features.items()):
+        if not feature.region:
+            continue
+        face = faces[feature.on].outline
+        ring = feature.ring
+        rings = face.rings if ring is None else (face.rings[ring],)
+        x0, y0, x1, y1 = Outline(rings=rings).bounds_um
+        x, y = (round(c, 6) + 0.0 for c in feature.center_um)  # no -0
+        alike = {0: "round", 1: "no symmetry"}.get(
+            feature.symmetry, f"{feature.symmetry}-fold"
+        )
+        size = f"{x1 - x0:.6g} x {y1 - y0:.6g} um about ({x:g}, {y:g})"
+        on = f", on {feature.on}" if feature.on else ""
+        yield f"region {name}: {size}{on}, {alike}"
 
 
 def _drawing(part: Part) -> Iterator[str]:
@@ -61,6 +84,7 @@ def _rings(part: Part) -> dict[str, str]:
     found = [
         *part.outline.rings,
         *(r for p in part.posts.values() for r in p.outline.rings),
+        *(r for m in part.marks.values() for r in m.outline.rings),
     ]
     count = Counter(ring.layer.lower() for ring in found)
     edges: Counter[str] = Counter()
@@ -82,7 +106,7 @@ def _counts(counts: Sequence[tuple[str, int]]) -> str:
 def _shape(outline: Outline) -> str:
     """Return the size, the area and the number of holes."""
     x0, y0, x1, y1 = outline.bounds_um
-    holes = len(outline.rings) - 1
+    holes = sum(ring.signed_area_um2 < 0 for ring in outline.rings)
     with_holes = f", {holes} hole{'s' if holes > 1 else ''}" if holes else ""
     return f"{x1 - x0:.6g} x {y1 - y0:.6g} um, {outline.area_um2:.6g} um2{with_holes}"
 

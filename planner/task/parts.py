@@ -1,19 +1,31 @@
-"""Parts from their drawings: outlines, posts, features in the part's frame."""
+"""Parts from their drawings: outlines, posts, marks, features in the part's frame."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, place
 from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.task import features
 from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
 from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.part_features import read_features, whole_outline
+from microplan.planner.task.regions.symmetry import centroid, symmetry_order
+from microplan.planner.task.surfaces import (
+    OWN,
+    check_marks,
+    read_marks,
+    take_marks,
+    unread_layers,
+)
 from microplan.planner.task.task import Part, PartFeature, Post
+
+CENTRE = "centre"  # an origin: the centroid of the outline's area
 
 
 def read_parts(task: Checked, report: Report) -> dict[str, Part]:
@@ -40,174 +52,103 @@ def _part(
     task: Checked, name: str, drawing: AnyDrawing, taken: Taken, report: Report
 ) -> Part | None:
     """Return the part in the frame of its origin, None after an error."""
-    outline = taken.outline
     errors = report.failed
-    found = _features(task, name, outline, report)
-    center = _origin(task, name, outline, found)
-    outline = place(outline, -center[0], -center[1])
-    posts, standing = _posts(task, name, drawing, center, report)
+    unit_um = UM_PER_UNIT[task.source.get("parts", name, "drawing", "units")]
+    posts = _take_posts(task, name, drawing, report)
+    marks = take_marks(task, name, drawing, report)
+    takes = {OWN: taken, **posts, **marks}
+    faces = {key: each.outline for key, each in takes.items()}
+    check_marks(task, name, faces, report)
+    found = read_features(
+        task,
+        name,
+        faces,
+        unit_um=unit_um,
+        origin=(0.0, 0.0),
+        report=report,
+        unread=unread_layers(task, name, faces),
+    )
+    origin = _origin(task, name, unit_um, taken.outline, found)
     if errors or report.failed or not task.good("parts", name):
         return None
-    found = _features(task, name, outline, Report())  # again, in the part's frame
+    faces = {key: place(o, -origin[0], -origin[1]) for key, o in faces.items()}
+    found = read_features(  # again, in the part's frame
+        task, name, faces, unit_um=unit_um, origin=origin, report=Report()
+    )
     if "outline" not in found and "outline" not in posts:
         about = (0.0, 0.0) if task.good("parts", name, "origin") else None
         at = task.source.key("parts", name)
-        found["outline"] = _outline_feature("outline", {}, outline, about, at)
+        found["outline"] = whole_outline("outline", {}, faces[OWN], about, at)
     raw = with_defaults(task.source.get("parts", name), "task", "part")
     return Part(
         name=name,
-        outline=outline,
+        outline=faces[OWN],
         thickness_um=float(raw["thickness_um"]),
         reflectance=float(raw["reflectance"]),
         material=raw["material"],
         profile_tolerance_um=float(raw["profile_tolerance_um"]),
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
-        posts=posts,
+        posts={
+            key: _post(
+                key, post, faces[key], task.source.key("parts", name, "posts", key)
+            )
+            for key, post in sorted(raw["posts"].items())
+        },
+        marks=read_marks(task, name, marks, origin),
         chord_um=max(
             [taken.chord_um, *(feature.chord_um for feature in found.values())]
         ),
-        sheet=DrawingSheet(drawing=drawing, takes=(taken, *standing)),
+        sheet=DrawingSheet(drawing=drawing, takes=tuple(takes.values())),
         where=task.source.key("parts", name),
     )
 
 
 def _origin(
-    task: Checked, name: str, outline: Outline, found: Mapping[str, PartFeature]
-) -> Point:
-    """Return the drawing's point that is the part's origin."""
+    task: Checked, name: str, unit_um: float, outline: Outline,
+    found: Mapping[str, PartFeature],
+) -> Point:  # fmt: skip
+    """Return the drawing's point that is the part's origin, um."""
     if not task.good("parts", name, "origin"):
         return (0.0, 0.0)
-    origin = task.source.get("parts", name, "origin")
+    origin: str | Sequence[float] = task.source.get("parts", name, "origin")
+    if not isinstance(origin, str):
+        x, y = origin
+        return (x * unit_um, y * unit_um)
     if origin in found:
         return found[origin].center_um
+    if origin == CENTRE:
+        return centroid(outline.rings)
     # an undeclared `outline` is the part as a whole; what else is missing was reported
     return features.extent(outline)[0] if origin == "outline" else (0.0, 0.0)
 
 
-def _features(
-    task: Checked, name: str, outline: Outline, report: Report
-) -> dict[str, PartFeature]:
-    """Return the declared features that the outline has, by name."""
-    found: dict[str, PartFeature] = {}
-    for key, raw in sorted(task.source.mapping("parts", name, "features").items()):
-        where = ("parts", name, "features", key)
-        if task.good(*where):
-            at = task.source.key(*where)
-            feature = _feature(key, raw, outline, at, report)
-            if feature is not None:
-                found[key] = feature
-    return found
-
-
-def _posts(
-    task: Checked, name: str, drawing: AnyDrawing, origin: Point, report: Report
-) -> tuple[dict[str, Post], list[Taken]]:
-    """Return the posts that can be read, in the part's frame, and as drawn."""
-    posts: dict[str, Post] = {}
-    found: list[Taken] = []
+def _take_posts(
+    task: Checked, name: str, drawing: AnyDrawing, report: Report
+) -> dict[str, Taken]:
+    """Return what the layers of a part's posts enclose, by the posts' names."""
+    found: dict[str, Taken] = {}
     for key, raw in sorted(task.source.mapping("parts", name, "posts").items()):
         where = ("parts", name, "posts", key)
         if task.good(*where):
             layer = task.source.value(*where, "layer")
             taken = take(drawing, [raw["layer"]], report, layer)
             if taken is not None:
-                found.append(taken)
-                shape = place(taken.outline, -origin[0], -origin[1])
-                posts[key] = _post(key, raw, shape, task.source.key(*where))
-    return posts, found
-
-
-def _feature(
-    name: str, raw: Mapping[str, Any], outline: Outline, at: Span, report: Report
-) -> PartFeature | None:
-    """Return a declared feature as the drawing has it."""
-    layer = raw.get("layer")
-    rings = outline.rings if layer is None else features.on_layer(outline, layer)
-    try:
-        if not rings:
-            raise NotFoundError("the part's outline has no ring there")
-        feature = _READERS[raw["kind"]](name, raw, Outline(rings=rings), at)
-    except NotFoundError as error:
-        message = f"no {raw['kind']} on layer '{layer}' for {name}: {error}"
-        report.error("MP221", at, message, "name another layer, or mend the drawing")
-        return None
-    except _CountError as error:
-        report.error("MP222", at, f"{name}: {error}", "mend the count or the drawing")
-        return None
-    if feature.chord_um:
-        message = f"{name} is a polygon, taken for R {feature.radius_um:.6g} um"
-        hint = f"its edges run up to {feature.chord_um:.3g} um inside the circle"
-        report.fact("MP235", at, message, hint)
-    return feature
-
-
-class _CountError(ValueError):
-    """The drawing has another number of teeth than the task."""
-
-
-def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
-    found = features.circle(shape.rings)
-    return _make(
-        name, raw, at, found.center_um, radius_um=found.radius_um, hole=found.hole,
-        chord_um=found.chord_um,
-    )  # fmt: skip
-
-
-def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
-    found = features.teeth(shape.rings)
-    if found.count != raw["count"]:
-        raise _CountError(f"{raw['count']} teeth stated, {found.count} drawn")
-    return _make(
-        name, raw, at, found.center_um, radius_um=found.outer_um, count=found.count,
-        root_um=found.root_um, phase_rad=found.phase_rad,
-    )  # fmt: skip
-
-
-def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
-    found = features.notch(shape.rings)
-    return _make(
-        name, raw, at, found.center_um, radius_um=found.radius_um,
-        phase_rad=found.angle_rad, width_um=found.width_um,
-    )  # fmt: skip
-
-
-def _whole(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
-    return _outline_feature(name, raw, shape, None, at)
-
-
-_READERS = {"circle": _circle, "teeth": _teeth, "notch": _notch, "outline": _whole}
-
-
-def _outline_feature(
-    name: str, raw: Mapping[str, Any], shape: Outline, center: Point | None, at: Span
-) -> PartFeature:
-    """Return the outline itself as a feature."""
-    about, radius_um = features.extent(shape, center)
-    raw = {"kind": "outline", **raw}
-    return _make(name, raw, at, about, radius_um=radius_um)
-
-
-def _make(
-    name: str, raw: Mapping[str, Any], at: Span, center_um: Point, **values: Any
-) -> PartFeature:
-    """Return the feature; values that its kind does not have stay as they are."""
-    return PartFeature(
-        name=name, kind=raw["kind"], center_um=center_um,
-        avoid=raw.get("avoid", False), where=at, **values,
-    )  # fmt: skip
+                found[key] = taken
+    return found
 
 
 def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
     """Return the post; its circle is that of its outer ring if it has one."""
     try:
         found = features.circle(shape.rings[:1])
-        center, radius_um = found.center_um, found.radius_um
+        center, radius_um, order = found.center_um, found.radius_um, 0
     except NotFoundError:
-        center, radius_um = features.extent(shape)
+        center, radius_um = features.extent(shape, centroid(shape.rings[:1]))
+        order = symmetry_order(shape.rings[0])
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
         reflectance=float(raw["reflectance"]),
         profile_tolerance_um=float(raw.get("profile_tolerance_um", 0.0)),
-        center_um=center, radius_um=radius_um, where=at,
+        center_um=center, radius_um=radius_um, symmetry=order, where=at,
     )  # fmt: skip

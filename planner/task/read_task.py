@@ -9,7 +9,7 @@ from typing import Any
 
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.files import named_file
-from microplan.planner.source.normalise import plain, plain_outline
+from microplan.planner.source.normalise import plain, plain_lengths, plain_outline
 from microplan.planner.source.schema import Checked, check, with_defaults
 from microplan.planner.source.source import Source, read_source
 from microplan.planner.task.check_workcell import (
@@ -146,8 +146,19 @@ def _normalised(data: Mapping[str, Any], parts: Mapping[str, Part]) -> dict[str,
         raw = out["parts"][name]
         del raw["drawing"]
         raw["outline"] = plain_outline(part.outline)
+        if isinstance(raw.get("origin"), list):
+            del raw["origin"]  # the outline lies about it
         for key, post in part.posts.items():
             raw["posts"][key]["outline"] = plain_outline(post.outline)
+        for key, mark in part.marks.items():
+            owner = raw["posts"][mark.on] if mark.on else raw
+            mark_raw = owner["marks"][key.rpartition(".")[2]]
+            mark_raw["outline"] = plain_outline(mark.outline)
+        for key, feature in raw["features"].items():
+            if {"ring", "at"} & feature.keys():
+                del feature["ring" if "ring" in feature else "at"]
+                meant = part.features[key]  # however it was chosen
+                feature["is"] = plain_lengths(*meant.center_um, meant.radius_um)
     return out
 
 

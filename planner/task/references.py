@@ -11,6 +11,7 @@ from typing import Any
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, did_you_mean
 from microplan.planner.source.source import Key
+from microplan.planner.task.parts import CENTRE
 from microplan.schemas.files import json_schema
 
 # what a key of a step may name
@@ -24,6 +25,7 @@ _STEP_KINDS = {
     "release": {"target": "part"},
     "verify": {"target": "part feature", "on": "part post feature", "empty": "tool"},
 }  # fmt: skip
+_INNER = ("features", "posts", "marks")  # what has names within a part
 _MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part"}
 
 
@@ -74,8 +76,9 @@ def _names(task: Checked, cell: Checked | None, clashes: Iterable[str]) -> Names
         kinds[part] = "part"
         kinds[f"{part}.outline"] = "feature"
         kinds.update({f"{part}.{n}": "feature" for n in _mapping(raw, "features")})
+        kinds.update({f"{part}.{n}": "mark" for n in _mapping(raw, "marks")})
         kinds.update({f"{part}.{n}": "post" for n in _mapping(raw, "posts")})
-        inner = [*_mapping(raw, "features"), *_mapping(raw, "posts")]
+        inner = [n for key in _INNER for n in _mapping(raw, key)]
         refused |= {f"{part}.{n}" for n in inner if not _is_name(n)}
         if part in refused or not _is_name(part):
             refused |= {part, f"{part}.outline", *(f"{part}.{n}" for n in inner)}
@@ -116,11 +119,15 @@ def _clashes(task: Checked, cell: Checked | None, report: Report) -> set[str]:
             at = task.source.key("parts", part)
             report.error("MP117", at, f"'{part}' is also the name of {what}")
             found.add(part)
-        for name in _mapping(raw, "posts"):
-            if name in _mapping(raw, "features"):
-                at = task.source.key("parts", part, "posts", name)
-                report.error("MP117", at, f"'{name}' is also a feature of {part}")
-                found.add(f"{part}.{name}")
+        first: dict[str, str] = {}
+        for kind in _INNER:
+            for name in _mapping(raw, kind):
+                if name in first:
+                    at = task.source.key("parts", part, kind, name)
+                    message = f"'{name}' is also a {first[name]} of {part}"
+                    report.error("MP117", at, message)
+                    found.add(f"{part}.{name}")
+                first.setdefault(name, kind.removesuffix("s"))
     return found
 
 
@@ -136,7 +143,8 @@ def _uses(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
             if key in step:
                 yield ("steps", index, key), kinds
     for part in task.source.mapping("parts"):
-        if isinstance(task.source.get("parts", part, "origin"), str):
+        origin = task.source.get("parts", part, "origin")
+        if isinstance(origin, str) and origin != CENTRE:
             yield ("parts", part, "origin"), "own feature"
 
 

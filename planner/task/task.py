@@ -7,7 +7,7 @@ position in the file where it was declared.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from microplan.optics.outline.outline import Outline
@@ -30,6 +30,10 @@ class PartFeature:
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it
     radius_um: float
+    on: str = ""  # the post or mark whose edges it has; "": the part's own
+    region: bool = False  # outline: of a ring, not of the whole part
+    ring: int | None = None  # region: which of its outline's rings; None: all
+    symmetry: int = 1  # region: order of its rotational symmetry, 0: round
     count: int = 1  # teeth: how many
     root_um: float = 0.0  # teeth: root radius
     phase_rad: float = 0.0  # of the middle of a tooth or notch
@@ -51,6 +55,18 @@ class Post:
     profile_tolerance_um: float
     center_um: tuple[float, float]
     radius_um: float  # of the circle that it is, or of the one around it
+    symmetry: int = 0  # order of its rotational symmetry, 0: a circle
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaceMark:
+    """What is flat on the top face of a part or post: a coating, a pad, a fiducial."""
+
+    name: str  # "cross", or "post.cross" of one on a post
+    on: str  # the post that carries it; "": the part
+    outline: Outline  # separate pads are rings of one
+    reflectance: float
     where: Span
 
 
@@ -67,6 +83,7 @@ class Part:
     taper_um_per_100um: float
     features: Mapping[str, PartFeature]
     posts: Mapping[str, Post]
+    marks: Mapping[str, FaceMark] = field(default_factory=dict)
     chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
     sheet: DrawingSheet
     where: Span

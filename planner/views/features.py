@@ -7,13 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from microplan.arrays import Box
-from microplan.featuresel.features.feature import Feature, coincide, renamed
+from microplan.featuresel.features.feature import (
+    Feature,
+    coincide,
+    is_circle_alone,
+    renamed,
+)
 from microplan.featuresel.features.features import merge, propose
 from microplan.optics.outline.outline import Outline
 from microplan.optics.outline.tolerant_order import ordered
+from microplan.planner.task.surfaces import Surface, surfaces
 from microplan.planner.task.task import Part, PartFeature, Task
-from microplan.planner.views.requests import Request
-from microplan.planner.views.targets import TargetShape, declared_shape
+from microplan.planner.views.targets import TargetShape, declared_shape, surface_of
 
 SAME_UM = 1e-3  # positions of one feature in a drawing are this near to each other
 # what reaches farthest from a feature's reference point, first found first used
@@ -29,56 +34,79 @@ class Proposals:
     avoided: tuple[tuple[str, str], ...] = ()  # name and kind of what the task forbids
 
 
-def proposals(task: Task, request: Request, shape: TargetShape) -> Proposals:
-    """Return the features of the body whose face holds the target.
+def proposals(task: Task, shape: TargetShape) -> Proposals:
+    """Return the features that lie at the height of the target, on its part.
 
-    A part's own outline, or a post's: all of them lie at the target's height. Jaws have
-    none but themselves.
+    Those that its outline has, be it the part's, a post's or a mark's, and those that
+    the task declares on the same face or on marks of it. Jaws have none but themselves.
     """
     part = task.parts.get(shape.owner)
     if part is None:
         return Proposals(target=None, others=())
-    post = part.posts.get(request.target.partition(".")[2])
-    declared: list[Feature] = []
-    avoided: list[Feature] = []
-    if post is not None:
-        outline = post.outline
-    else:
-        outline = part.outline
-        own = [f for f in part.features.values() if f.kind != "notch"]
-        declared = [_drawn(part, f) for f in own if not f.avoid]
-        avoided = [_drawn(part, f) for f in part.features.values() if f.avoid]
-    proposed = propose(outline)
-    if any(f.kind == "notch" and f.avoid for f in part.features.values()):
+    face = surface_of(part, shape)
+    level = _declared(part, face)
+    declared = [f for f, shown in level if not shown.avoid and shown.kind != "notch"]
+    avoided = [f for f, shown in level if shown.avoid]
+    proposed = propose(face.outline)
+    if any(shown.kind == "notch" and shown.avoid for _, shown in level):
         proposed = tuple(map(_without_notch, proposed))
-    aim = drawn(shape)
+    aim = replace(drawn(shape), region=_region(shape, face.body(part.name)))
     found = merge(proposed, declared, avoided, within_um=SAME_UM)
-    found = tuple(_as_proposed(feature, proposed) for feature in found)
     same = [f for f in proposed if coincide(f, aim, within_um=SAME_UM)]
     rest = [f for f in found if not coincide(f, aim, within_um=SAME_UM)]
-    body = shape.owner if post is None else request.target
-    bright = post is None or post.reflectance > part.reflectance
+    rounds = [f for f in (*same, *rest) if f.kind == "circle"]
+    rest = [f for f in rest if not any(is_circle_alone(f, c) for c in rounds)]
+    names = {feature.name for feature in declared}
     return Proposals(
         target=renamed(same[0], shape.name) if same else None,
         others=tuple(
-            (
-                renamed(feature, f"{body}.{feature.name}"),
-                _shape(
-                    shape.owner,
-                    f"{body}.{feature.name}",
-                    feature,
-                    outline,
-                    bright=bright,
-                ),
-            )
-            for feature in _by_kinds(rest)
+            _other(part, face, feature, proposed, declared=feature.name in names)
+            for feature in _by_kinds([_as_proposed(f, proposed) for f in rest])
         ),
         avoided=tuple(
-            (f"{part.name}.{f.name}", f.kind)
-            for f in part.features.values()
-            if f.avoid and post is None
+            (f"{part.name}.{shown.name}", shown.kind)
+            for _, shown in level
+            if shown.avoid
         ),
     )
+
+
+def _declared(part: Part, face: Surface) -> list[tuple[Feature, PartFeature]]:
+    """Return the declared features at a face's height, as proposals have them."""
+    body, heights = face.body(part.name), surfaces(part)
+    found = []
+    for feature in part.features.values():
+        if heights[feature.on].z_um == face.z_um:
+            shape = declared_shape(part, feature, f"{part.name}.{feature.name}")
+            as_drawn = renamed(drawn(shape), feature.name)
+            found.append((replace(as_drawn, region=_region(shape, body)), feature))
+    return found
+
+
+def _region(shape: TargetShape, body: str) -> str:
+    """Return which ring a shape is, seen from a body; "" for all of its own."""
+    if shape.kind != "outline" or (shape.body, shape.ring) == (body, None):
+        return ""
+    return f"{shape.body}/{'' if shape.ring is None else shape.ring}"
+
+
+def _other(
+    part: Part, face: Surface, feature: Feature, proposed: Sequence[Feature], *,
+    declared: bool,
+) -> tuple[Feature, TargetShape]:  # fmt: skip
+    """Return a feature as one that may be measured, under its name in the plan.
+
+    What is declared of another face's outline is as the task has it.
+    """
+    drawn_here = any(coincide(feature, p, within_um=SAME_UM) for p in proposed)
+    if declared:
+        name = f"{part.name}.{feature.name}"
+        if not drawn_here:
+            shape = declared_shape(part, part.features[feature.name], name)
+            return renamed(feature, shape.name), shape
+    else:
+        name = f"{face.body(part.name)}.{feature.name}"
+    return renamed(feature, name), _shape(part.name, name, feature, face)
 
 
 def _by_kinds(features: Sequence[Feature]) -> list[Feature]:
@@ -94,12 +122,6 @@ def _by_kinds(features: Sequence[Feature]) -> list[Feature]:
     found.sort(key=lambda row: (row[0], row[1].name))
     ranked = ordered(found, lambda row: -row[1].edge_um)
     return [feature for _, feature in sorted(ranked, key=lambda row: row[0])]
-
-
-def _drawn(part: Part, declared: PartFeature) -> Feature:
-    """Return a declared feature as proposals have it."""
-    shape = declared_shape(part, declared, f"{part.name}.{declared.name}")
-    return renamed(drawn(shape), declared.name)
 
 
 def drawn(shape: TargetShape) -> Feature:
@@ -140,19 +162,18 @@ def _without_notch(feature: Feature) -> Feature:
     return replace(feature, parameters=kept, symmetry_broken_by="", alike=0.0)
 
 
-def _shape(
-    owner: str, name: str, feature: Feature, outline: Outline, *, bright: bool
-) -> TargetShape:
-    """Return a feature as a target; `bright` is that of its body."""
+def _shape(owner: str, name: str, feature: Feature, face: Surface) -> TargetShape:
+    """Return a feature of a face as a target."""
     return TargetShape(
         name=name,
         owner=owner,
+        body=face.body(owner),
         kind=feature.kind,
         center_um=feature.center_um,
         angle_rad=feature.angle_rad,
-        box_um=_box(feature, outline),
+        box_um=_box(feature, face.outline),
         finest_um=feature.finest_um,
-        bright=feature.bright == bright,
+        bright=feature.bright == face.bright,
         symmetry=feature.symmetry,
         symmetry_broken_by=feature.symmetry_broken_by,
         parameters=feature.parameters,

@@ -14,7 +14,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, State
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.targets import TargetShape, target_layers
+from microplan.planner.views.targets import TargetShape, surface_of, target_layers
 
 NM_PER_UM = 1000.0
 _MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
@@ -78,7 +78,7 @@ def _body(task: Task, state: State, shape: TargetShape) -> Outline | None:
     if shape.kind == "jaws" or not shape.bright:
         return None
     faces = {layer.name: layer.outline for layer in target_layers(task, state, shape)}
-    return faces.get(shape.name) or faces.get(shape.owner)
+    return faces[shape.body]
 
 
 def _levels(task: Task, shape: TargetShape) -> tuple[float, float]:
@@ -87,13 +87,9 @@ def _levels(task: Task, shape: TargetShape) -> tuple[float, float]:
     if part is None:
         pair = (cell.tools[shape.owner].reflectance, cell.stage.reflectance)
     else:
-        post = part.posts.get(shape.name.partition(".")[2])
-        around = cell.stage.reflectance
-        pair = (
-            (part.reflectance, around)
-            if post is None
-            else (post.reflectance, part.reflectance)
-        )
+        face = surface_of(part, shape)
+        around = cell.stage.reflectance if face.around is None else face.around
+        pair = (face.reflectance, around)
     return (min(pair), max(pair))
 
 

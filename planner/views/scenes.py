@@ -23,7 +23,7 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.assembly.world import axis_move
 from microplan.planner.task.task import Task
-from microplan.planner.views.targets import TargetShape, outline_of
+from microplan.planner.views.targets import TargetShape, face_layers, outline_of
 from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
 from microplan.schemas.plan import Shade
 from microplan.schemas.pose import Pose
@@ -41,24 +41,22 @@ def look_scene(
         opening_um=None if state.tool is None else state.opening_um,
         bodies=tuple(
             PlacedBody(
-                name=body.name,
+                name=name,
                 pose=_pose(task, state, body.owner, body.name),
                 z_um=body.z_high_um,
             )
             for body in bodies(task, state)
+            for name in (body.name, *(mark for mark, *_ in body.marks))
         ),
     )
 
 
 def _target(task: Task, shape: TargetShape, target_at: Place) -> SeenTarget:
-    """Return whose edges a look is at; of a circle, those of the one ring."""
+    """Return whose edges a look is at; of a circle or region, those of the one ring."""
     if shape.owner in task.workcell.tools:
         names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None
     else:
-        inner = shape.name.partition(".")[2].partition(".")[0]
-        posts = task.parts[shape.owner].posts
-        names = (f"{shape.owner}.{inner}" if inner in posts else shape.owner,)
-        ring = target_ring(outline_of(task, shape), shape)
+        names, ring = (shape.body,), target_ring(outline_of(task, shape), shape)
     return SeenTarget(name=shape.name, pose=target_at.pose, bodies=names, ring=ring)
 
 
@@ -79,7 +77,7 @@ EDGE_POINTS = 2000
 def world_scene(task: Task, state: State) -> Scene:
     """Return everything in the world as layers, whether in view or not."""
     return Scene(
-        layers=tuple(_layer(body) for body in bodies(task, state)),
+        layers=tuple(la for body in bodies(task, state) for la in _layers(body)),
         background=task.workcell.stage.reflectance,
         background_z_um=task.workcell.stage.datum_z_um + state.stage.z_um,
     )
@@ -130,16 +128,13 @@ def shade_of(
 
 def _is_own_face(body: Body, shape: TargetShape) -> bool:
     """Return whether the body is the very face that is looked at."""
-    return body.name in (shape.name, shape.owner)
+    return body.name in (shape.name, shape.owner, shape.body)
 
 
-def _layer(body: Body) -> Layer:
-    """Return the top face of a body."""
-    return Layer(
-        name=body.name,
-        outline=body.outline,
-        z_um=body.z_high_um,
-        reflectance=body.reflectance,
+def _layers(body: Body) -> tuple[Layer, ...]:
+    """Return the top face of a body, and the marks on it."""
+    return face_layers(
+        body.name, body.outline, body.z_high_um, body.reflectance, body.marks
     )
 
 
@@ -204,9 +199,9 @@ def _points_on(edge: Edge, share: FloatArray) -> FloatArray:
 
 
 def target_ring(outline: Outline, shape: TargetShape) -> int | None:
-    """Return which ring of `outline_of` is the target; None: all, it is no circle."""
+    """Return which ring of `outline_of` is the target; None: all of them."""
     if shape.kind != "circle":
-        return None
+        return shape.ring
     radius = shape.parameters["radius_um"]
 
     def misfit(ring_index: int) -> float:

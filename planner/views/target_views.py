@@ -11,11 +11,17 @@ from microplan.optics.render.scene import Scene
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.surfaces import surfaces
 from microplan.planner.task.task import PartFeature, Task
 from microplan.planner.views.focus import focus_for
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import relevant, shade_of, world_scene
-from microplan.planner.views.targets import TargetShape, outline_of, shape_of
+from microplan.planner.views.targets import (
+    TargetShape,
+    outline_of,
+    shape_of,
+    surface_of,
+)
 from microplan.planner.views.views import (
     SEARCH_SIGMAS,
     ViewPlan,
@@ -116,8 +122,9 @@ def _tells_angle(task: Task, shape: TargetShape) -> bool:
 
     A post is alone at its height.
     """
-    part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
-    return shape.has_angle or (part is not None and inner not in part.posts)
+    part = task.parts.get(shape.owner)
+    alone = part is None or shape.body.partition(".")[2] in part.posts
+    return shape.has_angle or not alone
 
 
 def _is_avoided(task: Task, target: str) -> bool:
@@ -205,16 +212,19 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
 
 def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     """Return the view with a region that holds the target and the features that the
-    task declares on its part, as far as the frame does."""
+    task declares at its height, as far as the frame does."""
     shape = needed_shape(task, request)
     part = task.parts.get(shape.owner)
-    if part is None or shape.name.partition(".")[2] in part.posts:
+    if part is None:
         return view
+    heights, z_um = surfaces(part), surface_of(part, shape).z_um
     target_at = target_pose(task, request, shape)
     boxes = [shape.box_um] + [
         _box_about(feature, target_at.pose.theta_rad, shape.center_um)
         for feature in part.features.values()
-        if not feature.avoid and feature.kind != "outline"
+        if heights[feature.on].z_um == z_um
+        and not feature.avoid
+        and (feature.kind != "outline" or feature.region)
     ]
     box = (
         min(b[0] for b in boxes), min(b[1] for b in boxes),

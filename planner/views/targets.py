@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from microplan.arrays import Box
@@ -12,10 +12,16 @@ from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.scene import Layer
 from microplan.planner.assembly.assembly import (
     State,
-    face_um,
     opened_fingers,
-    owner_of,
     part_pose,
+)
+from microplan.planner.task.surfaces import (
+    OWN,
+    Covering,
+    Surface,
+    marks_on,
+    surfaces,
+    without_marks,
 )
 from microplan.planner.task.task import FeatureKind, Part, PartFeature, Post, Task
 from microplan.planner.task.workcell import Tool
@@ -40,11 +46,13 @@ class TargetShape:
     symmetry_broken_by: str = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     angle_rad: float = 0.0  # of the target's own frame in the owner's
+    body: str  # whose edges they are: part, part.post, part.mark, tool
+    ring: int | None = None  # of a region: which ring of the body's; None: all
 
     @property
     def has_angle(self) -> bool:
-        """Return whether a routine can measure the target's rotation."""
-        return self.symmetry == 1 or bool(self.symmetry_broken_by)
+        """Return whether a routine can measure the rotation, if within its period."""
+        return self.symmetry != 0
 
 
 def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
@@ -55,18 +63,17 @@ def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
         return _jaws(task.workcell.tools[owner], state.opening_um, rotation_rad)
     part = task.parts[owner]
     if inner in part.posts:
-        post = part.posts[inner]
-        bright = post.reflectance > part.reflectance
-        return _circle(part, post, name, bright=bright)
+        return _post(part, part.posts[inner], name)
     if inner:
         feature = part.features[inner]
         if feature.kind == "notch":
             return None
         shape = declared_shape(part, feature, name)
-        return _as_turned(task, state, shape) if feature.kind == "outline" else shape
-    teeth = next(_of_kind(part, "teeth"), None)
+        whole = feature.kind == "outline" and not feature.region
+        return _as_turned(task, state, shape) if whole else shape
+    teeth = next(_of_kind(part, "teeth", OWN), None)
     if teeth is not None:
-        return _teeth(part, teeth, f"{owner}.{teeth.name}")
+        return _teeth(part, teeth, f"{owner}.{teeth.name}", surfaces(part)[OWN])
     return _as_turned(task, state, _whole(part))
 
 
@@ -88,14 +95,31 @@ def target_layers(task: Task, state: State, shape: TargetShape) -> tuple[Layer, 
         )
     part = task.parts[shape.owner]
     dx, dy = -shape.center_um[0], -shape.center_um[1]
-    faces = [(part.name, part.outline, part.thickness_um, part.reflectance)]
-    faces += [
-        (f"{part.name}.{p.name}", p.outline, face_um(part, p.name), p.reflectance)
-        for p in part.posts.values()
-    ]
+    found = list[Layer]()
+    for face in surfaces(part).values():
+        if face.name not in part.marks:
+            found += face_layers(
+                face.body(part.name),
+                place(face.outline, dx, dy),
+                face.z_um,
+                face.reflectance,
+                marks_on(part, face.name, (dx, dy, 0.0)),
+            )
+    return tuple(found)
+
+
+def face_layers(
+    name: str,
+    outline: Outline,
+    z_um: float,
+    reflectance: float,
+    marks: Sequence[Covering],
+) -> tuple[Layer, ...]:
+    """Return a top face and the marks on it, side by side at one height."""
+    bare = without_marks(outline, [shape for _, shape, _ in marks])
+    faces = [(name, bare, reflectance), *marks]
     return tuple(
-        Layer(name=n, outline=place(o, dx, dy), z_um=z, reflectance=r)
-        for n, o, z, r in faces
+        Layer(name=n, outline=shape, z_um=z_um, reflectance=r) for n, shape, r in faces
     )
 
 
@@ -120,6 +144,7 @@ def _jaws(tool: Tool, opening_um: float, rotation_rad: float) -> TargetShape:
     return TargetShape(
         name=f"{tool.name}.grip",
         owner=tool.name,
+        body=tool.name,
         kind="jaws",
         center_um=(0.0, 0.0),
         box_um=(min(xs), min(ys), max(xs), max(ys)),
@@ -135,20 +160,33 @@ def _jaws(tool: Tool, opening_um: float, rotation_rad: float) -> TargetShape:
 
 def declared_shape(part: Part, feature: PartFeature, name: str) -> TargetShape:
     """Return a declared feature; a notch, no target of its own, as a circle."""
+    face = surfaces(part)[feature.on]
+    bright = face.bright != feature.hole
     if feature.kind == "teeth":
-        return _teeth(part, feature, name)
-    if feature.kind == "outline":
+        return _teeth(part, feature, name, face)
+    if feature.kind == "outline" and not feature.region:
         return _whole(part)
-    return _circle(part, feature, name, bright=not feature.hole)
+    if feature.kind == "outline":
+        return _region(part, feature, name, face, bright=bright)
+    return _circle(part, feature, name, face, bright=bright)
+
+
+def _post(part: Part, post: Post, name: str) -> TargetShape:
+    """Return a post's top face: a circle, or what it is drawn as."""
+    face = surfaces(part)[post.name]
+    if post.symmetry == 0:
+        return _circle(part, post, name, face, bright=face.bright)
+    return _region(part, post, name, face, bright=face.bright)
 
 
 def _circle(
-    part: Part, drawn: PartFeature | Post, name: str, *, bright: bool
+    part: Part, drawn: PartFeature | Post, name: str, face: Surface, *, bright: bool
 ) -> TargetShape:
     """Return the circle of a feature or of a post's top face."""
     return TargetShape(
         name=name,
         owner=part.name,
+        body=face.body(part.name),
         kind="circle",
         center_um=drawn.center_um,
         box_um=_disc(drawn.radius_um),
@@ -159,7 +197,29 @@ def _circle(
     )
 
 
-def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
+def _region(
+    part: Part, drawn: PartFeature | Post, name: str, face: Surface, *, bright: bool
+) -> TargetShape:
+    """Return a ring of a face, or the outline of a post, about its centroid."""
+    ring = drawn.ring if isinstance(drawn, PartFeature) else None
+    rings = face.outline.rings if ring is None else (face.outline.rings[ring],)
+    x0, y0, x1, y1 = Outline(rings=rings).bounds_um
+    return TargetShape(
+        name=name,
+        owner=part.name,
+        body=face.body(part.name),
+        ring=ring,
+        kind="outline",
+        center_um=drawn.center_um,
+        box_um=_disc(drawn.radius_um),
+        finest_um=min(x1 - x0, y1 - y0),
+        bright=bright,
+        symmetry=drawn.symmetry,
+        parameters={"extent_um": drawn.radius_um},
+    )
+
+
+def _teeth(part: Part, teeth: PartFeature, name: str, face: Surface) -> TargetShape:
     """Return a toothed rim, with the notch that breaks its symmetry if there is one."""
     parameters = {
         "count": float(teeth.count),
@@ -168,8 +228,8 @@ def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
         "phase_rad": teeth.phase_rad,
     }
     finest = teeth.radius_um - teeth.root_um
-    notch = next(_of_kind(part, "notch"), None)
-    bore = next((f for f in _of_kind(part, "circle") if f.hole), None)
+    notch = next(_of_kind(part, "notch", teeth.on), None)
+    bore = next((f for f in _of_kind(part, "circle", teeth.on) if f.hole), None)
     if notch is not None:
         parameters["notch_rad"] = notch.phase_rad
         parameters["notch_radius_um"] = notch.radius_um
@@ -180,20 +240,25 @@ def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
     return TargetShape(
         name=name,
         owner=part.name,
+        body=face.body(part.name),
         kind="teeth",
         center_um=teeth.center_um,
         box_um=_disc(teeth.radius_um),
         finest_um=finest,
-        bright=True,
+        bright=face.bright,
         symmetry=teeth.count,
         symmetry_broken_by="" if notch is None else notch.name,
         parameters=parameters,
     )
 
 
-def _of_kind(part: Part, kind: FeatureKind) -> Iterator[PartFeature]:
-    """Yield the declared features of a kind that may be looked for."""
-    return (f for f in part.features.values() if f.kind == kind and not f.avoid)
+def _of_kind(part: Part, kind: FeatureKind, on: str) -> Iterator[PartFeature]:
+    """Yield the declared features of a kind and a face that may be looked for."""
+    return (
+        f
+        for f in part.features.values()
+        if f.kind == kind and f.on == on and not f.avoid
+    )
 
 
 def _whole(part: Part) -> TargetShape:
@@ -203,6 +268,7 @@ def _whole(part: Part) -> TargetShape:
     return TargetShape(
         name=f"{part.name}.outline",
         owner=part.name,
+        body=part.name,
         kind="outline",
         center_um=middle_um(part),
         box_um=_disc(extent),
@@ -243,8 +309,18 @@ def middle_um(part: Part) -> tuple[float, float]:
 
 def outline_of(task: Task, shape: TargetShape) -> Outline:
     """Return the outline that holds the target's edges, in the target's frame."""
-    part = task.parts[owner_of(shape.name)]
-    inner = shape.name.partition(".")[2].partition(".")[0]
-    outline = part.posts[inner].outline if inner in part.posts else part.outline
+    part = task.parts[shape.owner]
+    outline = surface_of(part, shape).outline
     about = place(outline, -shape.center_um[0], -shape.center_um[1])
     return place(about, 0.0, 0.0, -shape.angle_rad) if shape.angle_rad else about
+
+
+def target_edges(task: Task, shape: TargetShape) -> Outline:
+    """Return what `outline_of` has of the target alone where it is a region."""
+    found = outline_of(task, shape)
+    return found if shape.ring is None else Outline(rings=(found.rings[shape.ring],))
+
+
+def surface_of(part: Part, shape: TargetShape) -> Surface:
+    """Return the face of a part that has a target's edges."""
+    return surfaces(part)[shape.body.partition(".")[2]]

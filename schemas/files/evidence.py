@@ -63,6 +63,7 @@ class FeatureMark:
     pose: Pose  # of its frame in the world
     z_um: float
     parameters: Mapping[str, float]  # as a routine's target has them
+    body: str = ""  # whose edges they are; "": the owner's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,6 +44,16 @@ class WorldPost:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WorldMark:
+    """What lies flat on a part's or a post's top face, in the part's frame."""
+
+    name: str  # "die.pad", "plate.post.cross"
+    on: str  # body that carries it: "die", "plate.post"
+    outline: WorldOutline  # in the part's frame; pads apart are rings of one
+    reflectance: float  # of it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorldHole:
     """A round hole of a part that can receive a post, in the part's frame."""
 
@@ -68,6 +78,7 @@ class WorldPart:
     theta_any: bool  # whether any angle is as likely
     sigma_xy_um: float  # of the start, per axis
     sigma_theta_rad: float  # of the start
+    marks: tuple[WorldMark, ...] = ()  # on its top face and on its posts'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,6 +181,7 @@ class World:
         for part in self.parts:
             found[part.name] = part.outline
             found.update({post.name: post.outline for post in part.posts})
+            found.update({mark.name: mark.outline for mark in part.marks})
         for tool in self.tools:
             found[f"{tool.name}.left"] = tool.left
             found[f"{tool.name}.right"] = tool.right

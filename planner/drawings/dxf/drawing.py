@@ -80,7 +80,12 @@ def load_drawing(
 
 
 def take(
-    drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
+    drawing: Drawing,
+    layers: Sequence[str],
+    report: Report,
+    at: Span | None = None,
+    *,
+    apart: bool = False,
 ) -> Taken | None:
     """Return what `layers` of `drawing` enclose, in um; None if it was reported.
 
@@ -94,6 +99,8 @@ def take(
         Receives the findings.
     at : Span, optional
         Where the layers are asked for; the drawing's own list if not given.
+    apart : bool
+        Whether several outer rings are no mistake.
 
     Returns
     -------
@@ -109,7 +116,7 @@ def take(
     chained = chain(kept)
     if not _closed(drawing, chained, again, at, report):
         return None
-    outline = _nested(drawing, chained, at, report)
+    outline = _nested(drawing, chained, at, report, apart=apart)
     if outline is None:
         return None
     warn_coarse(drawing.file, drawing.units, outline, drawn.pieces, at, report)
@@ -212,9 +219,9 @@ def _closed(
 
 
 def _nested(
-    drawing: Drawing, chained: Chained, at: Span, report: Report
+    drawing: Drawing, chained: Chained, at: Span, report: Report, *, apart: bool
 ) -> Outline | None:
-    """Return the rings as one body with holes."""
+    """Return the rings as one body with holes, or with `apart` as several."""
     try:
         outline, doubled, bodies = nest(chained.rings, chained.handles)
     except BadRingsError as error:
@@ -223,7 +230,7 @@ def _nested(
     if doubled:
         message = f"{drawing.file}: {doubled} rings are drawn twice"
         report.warning("MP213", at, message, "each ring is taken once")
-    if bodies > 1:
+    if bodies > 1 and not apart:
         count = ", ".join(
             f"'{k}' {n} ({outer} outer)"
             for k, (n, outer) in _ring_counts(outline.rings).items()

@@ -87,7 +87,12 @@ def load_gds(
 
 
 def take_gds(
-    drawing: GdsDrawing, layers: Sequence[str], report: Report, at: Span | None = None
+    drawing: GdsDrawing,
+    layers: Sequence[str],
+    report: Report,
+    at: Span | None = None,
+    *,
+    apart: bool = False,
 ) -> Taken | None:
     """Return what `layers` of `drawing` enclose; None if it was reported.
 
@@ -101,6 +106,8 @@ def take_gds(
         Receives the findings.
     at : Span, optional
         Where the layers are asked for; the drawing's own list if not given.
+    apart : bool
+        Whether several outer rings are no mistake.
 
     Returns
     -------
@@ -125,7 +132,7 @@ def take_gds(
         _report(error, _name(drawing), at, report)
         return None
     _say_rounded(drawing, rounded, at, report)
-    outline = _nested(drawing, rings, at, report)
+    outline = _nested(drawing, rings, at, report, apart=apart)
     if outline is None:
         return None
     taken = {
@@ -209,9 +216,9 @@ def _all_there(
 
 
 def _nested(
-    drawing: GdsDrawing, rings: Sequence[Ring], at: Span, report: Report
+    drawing: GdsDrawing, rings: Sequence[Ring], at: Span, report: Report, *, apart: bool
 ) -> Outline | None:
-    """Return the rings as one body with holes."""
+    """Return the rings as one body with holes, or with `apart` as several."""
     name = _name(drawing)
     try:
         outline, doubled, bodies = nest(rings)
@@ -221,7 +228,7 @@ def _nested(
     if doubled:
         message = f"{name}: {doubled} rings are drawn on two layers"
         report.warning("MP213", at, message, "each ring is taken once")
-    if bodies > 1:
+    if bodies > 1 and not apart:
         count = Counter(ring.layer for ring in outline.rings)
         says = ", ".join(f"'{k}' {n}" for k, n in sorted(count.items()))
         message = f"{name}: {bodies} separate outlines, a part is one: "

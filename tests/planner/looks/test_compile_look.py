@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from microplan.optics.outline.outline import Arc, Outline, Ring
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.compile_look import compile_look, look_at_first
 from microplan.planner.looks.feature_evaluation import evaluate_features
@@ -16,6 +18,7 @@ from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.target_views import views
 from tests.planner.examples import copy_example, one_look, read
@@ -88,11 +91,21 @@ def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
     assert len(begun.cases) == 2  # an angle is another look
 
 
+def tubular(task: Task) -> Task:
+    """Return the task with a post that has another rim inside its own."""
+    plate = task.parts["shaft_plate"]
+    post = plate.posts["post"]
+    bore = Arc(center=(0.0, 0.0), radius_um=12.0, start_rad=0.0, sweep_rad=-math.tau)
+    tube = Outline(rings=(*post.outline.rings, Ring(edges=(bore,))))
+    plate = replace(plate, posts={"post": replace(post, outline=tube)})
+    return replace(task, parts={**task.parts, plate.name: plate})
+
+
 def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     """Other features are raced ahead, and at their turn with another tolerance."""
     file = copy_example(tmp_path / "task")
     one_look(file)
-    task, report, begun, asked = read(file), Report(), Begun(), [0]
+    task, report, begun, asked = tubular(read(file)), Report(), Begun(), [0]
 
     def counted(work: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
         for item in items:

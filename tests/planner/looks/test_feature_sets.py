@@ -64,7 +64,7 @@ def others(
 ) -> dict[str, tuple[TargetShape, LookCase]]:
     """Return a look at the first other feature of each kind."""
     found: dict[str, tuple[TargetShape, LookCase]] = {}
-    known = proposals(task, request_, needed_shape(task, request_))
+    known = proposals(task, needed_shape(task, request_))
     for _, shape in known.others:
         if shape.kind not in found:
             case = feature_case(task, request_, primary, shape)

@@ -150,7 +150,7 @@ def test_a_round_mark_is_looked_at_with_the_other_one(task: Task) -> None:
     assert case.tolerance_theta_rad == request.needs_angle_rad
     second = next(
         s
-        for _, s in proposals(task, request, needed_shape(task, request)).others
+        for _, s in proposals(task, needed_shape(task, request)).others
         if s.name == "submount.second"
     )
     other = feature_case(task, request, case, second)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -11,10 +12,11 @@ from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
 from microplan.planner.assembly.assembly import initial
 from microplan.planner.task.task import Part, Task
 from microplan.planner.views.features import Proposals, offset_um, proposals
-from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape, shape_of
+from tests.planner.chips import PART, REGIONS, write_chip
 from tests.planner.examples import EXAMPLE, read
 
+POST = "shaft_plate.post"
 HOLES = {"near": (-20.0, 10.0, 6.0), "far": (30.0, -5.0, 8.0)}  # x, y, radius
 
 
@@ -28,11 +30,7 @@ def found(task: Task, target: str) -> tuple[TargetShape, Proposals]:
     state = initial(task)
     shape = shape_of(task, state, target)
     assert shape is not None
-    request = Request(
-        id="look", target=target, state=state, tolerance_um=1.0, wants_angle=True,
-        needs_angle_rad=None, where=task.steps[0].where, view_where=None,
-    )  # fmt: skip
-    return shape, proposals(task, request, shape)
+    return shape, proposals(task, shape)
 
 
 def names(some: Proposals) -> set[str]:
@@ -79,10 +77,22 @@ def test_the_target_is_not_among_the_others(task: Task, target: str) -> None:
 
 
 def test_features_of_a_post_go_by_its_name(task: Task) -> None:
-    shape, some = found(task, "shaft_plate.post")
+    shape, some = found(task, POST)
     assert shape.name == "shaft_plate.post"
-    assert [s.name for _, s in some.others] == ["shaft_plate.post.outline1"]
-    assert all(s.owner == "shaft_plate" for _, s in some.others)
+    assert some.target is not None
+    assert some.target.name == shape.name
+    assert some.others == ()  # its outline is the target's own circle
+
+
+def test_an_outline_of_two_circles_is_another_feature(task: Task) -> None:
+    """Its inner rim says as much of the place as the outer one, which is the target."""
+    plate_part = task.parts["shaft_plate"]
+    post = plate_part.posts["post"]
+    bore = Arc(center=(0.0, 0.0), radius_um=9.0, start_rad=0.0, sweep_rad=-math.tau)
+    tube = Outline(rings=(*post.outline.rings, Ring(edges=(bore,))))
+    posts = {"post": replace(post, outline=tube)}
+    _, some = found(with_part(task, replace(plate_part, posts=posts)), POST)
+    assert names(some) == {f"{POST}.circle2", f"{POST}.outline1"}
 
 
 def test_jaws_have_no_features_beside_themselves(task: Task) -> None:
@@ -134,3 +144,45 @@ def test_features_of_other_kinds_come_first(task: Task) -> None:
     assert len(set(kinds[:count])) == count
     edges = [f.edge_um for f, _ in some.others if f.kind == "edge"]
     assert edges == sorted(edges, reverse=True)
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_declared_regions_of_one_height_stand_in_for_each_other(
+    tmp_path: Path, name: str
+) -> None:
+    """The rectangle is the top of a post; all others lie on the part's face."""
+    shape, some = found(read(write_chip(tmp_path / "task")), f"chip.{name}")
+    assert shape.name == f"chip.{name}"
+    others = {s.name: s for _, s in some.others}
+    flat = {f"chip.{other}" for other in REGIONS if other != "rectangle"}
+    declared = {s for s in others if s.removeprefix("chip.") in REGIONS}
+    assert declared == (set() if name == "rectangle" else flat - {shape.name})
+    assert len({s.name for _, s in some.others}) == len(some.others)
+    for other in declared:
+        assert others[other] == found_shape(tmp_path / "task" / "task.yaml", other)
+
+
+def found_shape(file: Path, name: str) -> TargetShape | None:
+    """Return a target as a look at it has it."""
+    task = read(file)
+    return shape_of(task, initial(task), name)
+
+
+def test_a_post_that_is_not_round_is_a_region(tmp_path: Path) -> None:
+    file = write_chip(tmp_path / "task")
+    post, region = (found_shape(file, f"chip.{n}") for n in ("block", "rectangle"))
+    assert post is not None
+    assert region is not None
+    assert replace(post, name=region.name) == region
+    assert (post.kind, post.symmetry, post.has_angle) == ("outline", 2, True)
+
+
+def test_avoiding_a_region_leaves_the_whole_outline(tmp_path: Path) -> None:
+    text = PART.replace("layer: SLOT}", "layer: SLOT, avoid: true}")
+    _, some = found(read(write_chip(tmp_path / "task", text)), "chip.cross")
+    assert "chip.slot" not in names(some)
+    assert {"chip.pad", "chip.pocket"} <= names(some)
+    assert ("chip.slot", "outline") in some.avoided
+    _, on_part = found(read(tmp_path / "task" / "task.yaml"), "chip")
+    assert on_part.target is not None
+    assert "chip.slot" not in names(on_part)
