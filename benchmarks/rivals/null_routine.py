@@ -41,6 +41,7 @@ NULL = Routine(
     name="null",
     version="1",
     kinds=("circle",),
+    principle="area",
     provides=("xy",),
     baseline=True,
     prepare=prepare,

@@ -19,6 +19,8 @@ import numpy.typing as npt
 from microplan.arrays import FloatArray
 
 TargetKind = Literal["circle", "teeth", "outline", "jaws", "edge", "pair", "corner"]
+# what an answer rests on: places of steps in brightness, or the brightness of an area
+Principle = Literal["edges", "area"]
 PoseTerm = Literal[
     "xy", "theta", "z", "zoom"
 ]  # what a routine gives, or needs to start
@@ -248,6 +250,7 @@ class Routine:
     name: str  # its key in the registry
     version: str
     kinds: tuple[TargetKind, ...]  # target kinds it can look for
+    principle: Principle  # two of different ones seldom fail on the same image
     provides: tuple[PoseTerm, ...]
     requires: tuple[PoseTerm, ...] = ()  # of the guess, better than nominal
     capture_px: float = math.inf  # how far off the guess may be; inf: `search_px`

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits, by_cost
+from microplan.featuresel.selection.select import independence
 from microplan.featuresel.trials.bounds import (
     CONFIDENCE,
     Estimate,
@@ -96,7 +97,7 @@ class Elimination:
         for other in left:
             if (
                 other.chain != score.chain
-                and other.chain[0] == score.chain[0]
+                and independence(other, score) == (False, False)
                 and self.meets(other)
                 and at_most(other.cost, score.cost)
                 and other.success >= score.success

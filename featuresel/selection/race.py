@@ -10,7 +10,7 @@ from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Constraints, Limits, by_cost
 from microplan.featuresel.selection.elimination import Elimination
-from microplan.featuresel.selection.select import Selection
+from microplan.featuresel.selection.select import Selection, independence
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
@@ -23,9 +23,10 @@ def chains_ahead(
 ) -> frozenset[Chain]:
     """Return the chains whose trials may change the choice or what it falls back on.
 
-    Where the chosen one leaves room, nothing that costs more can take its place;
-    where the fallback begins with another routine and leaves room, nor can what costs
-    more take that one's. Where either leaves none, the choice hangs on all.
+    Where the chosen one leaves room, nothing that costs more can take its place; where
+    the fallback leaves room, nor can what costs more take that one's, unless it has
+    less in common with the chosen one. Where either leaves none, the choice hangs on
+    all.
 
     Parameters
     ----------
@@ -39,21 +40,24 @@ def chains_ahead(
     Returns
     -------
     frozenset of Chain
-        Chosen and fallback, and every chain that costs no more than the one it could
-        take the place of.
+        Chosen and fallback, and every chain that could take the place of either.
     """
     chosen, fallback = found.chosen, found.fallback
     order = [score.chain for score in by_cost(scores)]
     if chosen is None or fallback is None:
         return frozenset(order)
-    begun = chosen.chain[0]
-    if fallback.chain[0] == begun or not (
-        task.has_margin(chosen) and task.has_margin(fallback)
-    ):
+    if not (task.has_margin(chosen) and task.has_margin(fallback)):
         return frozenset(order)
     before = order[: order.index(chosen.chain) + 1]
-    apart = order[: order.index(fallback.chain) + 1]
-    return frozenset([*before, *(chain for chain in apart if chain[0] != begun)])
+    cheaper = order[: order.index(fallback.chain) + 1]
+    apart = independence(fallback, chosen)
+    instead = [
+        score.chain
+        for score in scores
+        if independence(score, chosen) > apart
+        or (independence(score, chosen) == apart and score.chain in cheaper)
+    ]
+    return frozenset([*before, *instead])
 
 
 SHOWN = 24  # trials before a chain waits: what it can do shows in these
@@ -169,10 +173,10 @@ def race(
     - the lower bound of what it needs (2 sigma + |bias|) is above a tolerance, or it
       never gave an angle that is needed, or the position in one direction only where
       both are, or
-    - another that begins with the same routine and itself meets the limits is no more
-      expensive, surely more accurate, and was on the same trials right no less often
-      and wrong without a failure no more often. One that begins with another routine is
-      kept: it may be the fallback.
+    - another of the same principle that begins with the same routine and itself meets
+      the limits is no more expensive, surely more accurate, and was on the same trials
+      right no less often and wrong without a failure no more often. One of another
+      principle or beginning is kept: it may be the fallback.
 
     After `microplan.featuresel.selection.race.SHOWN` trials only those chains
     go on that `ahead` tells; the others follow where that changes.

@@ -25,7 +25,7 @@ class Selection:
     """The chain chosen, one to fall back on, and a sentence for every chain."""
 
     chosen: ChainScore | None  # None: no chain passes, and `advice` says what to relax
-    fallback: ChainScore | None  # with another first routine if there is one
+    fallback: ChainScore | None  # as different from `chosen` as any that passes
     reasons: tuple[tuple[Chain, str], ...]  # in the order of the scores
     advice: str  # "" if a chain was chosen
     # reliable chains that none is both cheaper and more accurate than, cheapest first
@@ -43,7 +43,8 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     Of those the cheapest is taken, the first by name among equals, unless it uses more
     than `limits.margin_share` of a tolerance and a more expensive one is
     `task.limits.better` times more accurate. Numbers within the margin of
-    `microplan.optics.outline.tolerant_order` are equal.
+    `microplan.optics.outline.tolerant_order` are equal. The fallback is taken alike
+    from the passing chains of the greatest `independence` of the chosen one.
 
     Parameters
     ----------
@@ -88,15 +89,23 @@ def _best(scores: Sequence[ChainScore], task: Constraints) -> ChainScore | None:
     return chosen
 
 
+def independence(score: ChainScore, chosen: ChainScore) -> tuple[bool, bool]:
+    """Return whether a chain is of another principle, and begins with another routine.
+
+    The greater, the less the two have in common to fail by.
+    """
+    return (score.principle != chosen.principle, score.chain[0] != chosen.chain[0])
+
+
 def _fallback(
     passing: Sequence[ChainScore], chosen: ChainScore | None, task: Constraints
 ) -> ChainScore | None:
-    """Return the next best, one that begins with another routine if there is one."""
-    if chosen is None:
+    """Return the best of those that have the least in common with the chosen one."""
+    others = [s for s in passing if chosen and s.chain != chosen.chain]
+    if chosen is None or not others:
         return None
-    others = [s for s in passing if s.chain != chosen.chain]
-    apart = [s for s in others if s.chain[0] != chosen.chain[0]]
-    return _best(apart, task) or _best(others, task)
+    most = max(independence(s, chosen) for s in others)
+    return _best([s for s in others if independence(s, chosen) == most], task)
 
 
 def _advice(scores: Sequence[ChainScore], task: Constraints) -> str:

@@ -6,7 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from microplan.featuresel.routines.contract import PoseTerm, Routine, Target
+from microplan.featuresel.routines.contract import (
+    PoseTerm,
+    Principle,
+    Routine,
+    Target,
+)
 from microplan.featuresel.routines.registry import REGISTRY, load
 from microplan.optics.outline.tolerant_order import ordered
 
@@ -96,6 +101,12 @@ def has_angle(target: Target) -> bool:
         return True
     order = max(target.symmetry, int(target.parameters.get("count", 1.0)))
     return order == 1 or target.theta_range_rad < math.pi / order
+
+
+def principle(chain: Chain) -> Principle:
+    """Return the principle of the last routine of a chain that gives the position."""
+    last = [name for name in chain if "xy" in load(name).provides] or list(chain)
+    return load(last[-1]).principle
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.contract import Failure, Principle
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.trials.bounds import (
     CONFIDENCE,
@@ -21,7 +21,7 @@ from microplan.featuresel.trials.bounds import (
     success_lower,
 )
 from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
-from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.chains import Chain, principle
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes, PlaceErrors, given
 from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong
 
@@ -38,6 +38,7 @@ class ChainScore:
     """
 
     chain: Chain
+    principle: Principle = "area"  # of the routine that gives the position
     trials: int
     success: int  # answered, and not wrong
     success_lower: float  # Clopper-Pearson, one-sided 95 %
@@ -151,7 +152,7 @@ def score(
     if interim_tests < 1:
         raise ValueError(f"interim_tests must be at least 1, got {interim_tests}")
     whole = Outcomes.of(outcomes)
-    return tuple(
+    scores = [
         score_chain(
             case,
             chain,
@@ -161,7 +162,8 @@ def score(
             limit_um=limit_um,
         )
         for chain in prepared.chains
-    )
+    ]
+    return tuple(replace(each, principle=principle(each.chain)) for each in scores)
 
 
 def chain_cost(case: LookCase, prepared: PreparedRoutines, chain: Chain) -> float:

@@ -8,8 +8,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bounds import failure_upper
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import height_sigma_um
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.store.pictures import Picture, picture_sha256
@@ -40,6 +42,7 @@ _OTHER = (
     "most trials fail as scale or focus is off: state a smaller 'focus_sigma_um' or "
     "'magnification_sigma' if the station keeps them"
 )
+_SPOILT = {"edges": "every edge", "area": "the brightness of every area"}
 _HINTS = ((_UNSEEN, _FAINT), (_AWAY, _FAR), (_BLURRED, _OTHER))
 
 
@@ -125,6 +128,7 @@ def evidence(
     `tolerance_um` is the look's own; one of several features may have a wider one.
     """
     reasons = dict(tried.comparison.selection.reasons)
+    spare = tried.comparison.selection.fallback
     return p.Evidence(
         tolerance_um=tolerance_um,
         chosen=_score(chosen, reasons[chosen.chain]),
@@ -134,6 +138,56 @@ def evidence(
             if other.chain != chosen.chain
         ),
         features=tuple(features),
+        fallback=fallback_record(tried, chosen, spare),
+    )
+
+
+def fallback_record(
+    tried: Evaluation, chosen: ChainScore, spare: ChainScore | None
+) -> p.FallbackRecord:
+    """Return how often a chain and its fallback fail, and fail together."""
+    failed, had = _wrong_trials(tried, chosen.chain)
+    both_failed = failed
+    if spare is not None:
+        spare_failed, spare_had = _wrong_trials(tried, spare.chain)
+        had &= spare_had
+        failed &= had
+        both_failed = failed & spare_failed
+    another = spare is not None and spare.principle != chosen.principle
+    return p.FallbackRecord(
+        principle=chosen.principle,
+        other_principle="" if spare is None else spare.principle,
+        trials=len(had),
+        chain_failed=len(failed),
+        both_failed=len(both_failed),
+        both_failed_upper=failure_upper(len(both_failed), len(had)),
+        lack="" if another else _lack(chosen, spare, len(both_failed), len(had)),
+    )
+
+
+def _wrong_trials(tried: Evaluation, chain: Chain) -> tuple[set[int], set[int]]:
+    """Return the trials in which a chain gave no right answer, and all of its own."""
+    outcomes = tried.comparison.outcomes.by(chain)
+    wrong = {
+        o.trial for o in outcomes if o.failure is not None or is_wrong(tried.case, o)
+    }
+    return wrong, {o.trial for o in outcomes}
+
+
+def _lack(
+    chosen: ChainScore, spare: ChainScore | None, failed: int, trials: int
+) -> str:
+    """Return what it costs that no fallback rests on another principle."""
+    other = "area" if chosen.principle == "edges" else "edges"
+    if spare is None:
+        return (
+            f"no other chain passes: {failed} of {trials} trials need another look, "
+            "and what spoils every image stops the run"
+        )
+    return (
+        f"no chain by {other} passes; the fallback goes by {spare.principle} too: "
+        f"{failed} of {trials} trials need another look, and what spoils "
+        f"{_SPOILT[chosen.principle]} stops the run"
     )
 
 

@@ -14,7 +14,7 @@ from microplan.schemas.page.charts import ChartPoint, legend, scatter
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, signed, um
 from microplan.schemas.page.page import Caption, Column, figure, more, table
-from microplan.schemas.plan import Look, Measure, Score
+from microplan.schemas.plan import FallbackRecord, Look, Measure, Score
 
 _FOCUS_CELLS, _ZOOM_CELLS = 5, 3
 _ROOM = 1.5  # factor of the error axis beyond its largest and least value
@@ -213,6 +213,7 @@ def _failed(look: Look) -> str:
             f"a run then {then}looks again, which P(success) counts as time lost, not "
             "as a failure"
         )
+    said += _together(look.evidence.fallback)
     if chosen.silent > 0:
         said += (
             f"; in {chosen.silent} of its {chosen.trials} trials the choice answered "
@@ -220,6 +221,20 @@ def _failed(look: Look) -> str:
             "and what passes it all the same is not in P(success)"
         )
     return said
+
+
+def _together(found: FallbackRecord | None) -> str:
+    """Return how often the choice and its fallback fail on the same image."""
+    if found is None:
+        return ""
+    if found.lack:
+        return f"; {found.lack}"
+    return (
+        f"; the choice goes by {found.principle}, its fallback by "
+        f"{found.other_principle}: both failed in {found.both_failed} of "
+        f"{found.trials} trials, a rate below {100 * found.both_failed_upper:.2g} % "
+        "at 95 %"
+    )
 
 
 def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -36,7 +36,13 @@ from microplan.schemas.plan.document import (
     newer_note,
     parse_plan,
 )
-from microplan.schemas.plan.evidence import Evidence, FeatureRow, Score, Together
+from microplan.schemas.plan.evidence import (
+    Evidence,
+    FallbackRecord,
+    FeatureRow,
+    Score,
+    Together,
+)
 from microplan.schemas.plan.looks import (
     EffectRow,
     LayerRecord,
@@ -78,6 +84,7 @@ __all__ = [
     "Depth",
     "EffectRow",
     "Evidence",
+    "FallbackRecord",
     "FeaturePlace",
     "FeatureRow",
     "Gates",

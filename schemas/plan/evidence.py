@@ -55,6 +55,19 @@ class FeatureRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FallbackRecord:
+    """What the fallback adds to its chain, on the trials that both had."""
+
+    principle: str  # the chain's: edges or area
+    other_principle: str  # the fallback's; "" if there is none
+    trials: int  # that both had
+    chain_failed: int  # gave no right answer
+    both_failed: int  # nor did the fallback
+    both_failed_upper: float  # rate of that, one-sided 95 %, Clopper-Pearson
+    lack: str  # what it costs that none is of another principle; "" if one is
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
     """The trials behind a look's choice; `scores` hold every chain tried."""
 
@@ -62,6 +75,7 @@ class Evidence:
     chosen: Score  # the chain that is used
     others: tuple[Score, ...]  # all other chains that were tried
     features: tuple[FeatureRow, ...] = ()  # the part's, tried or not
+    fallback: FallbackRecord | None = None  # None: written by an earlier version
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

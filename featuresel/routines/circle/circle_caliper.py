@@ -133,6 +133,7 @@ CIRCLE_CALIPER = Routine(
     name="circle_caliper",
     version="3",
     kinds=("circle", "teeth"),
+    principle="edges",
     provides=("xy",),
     prepare=prepare,
     measure=measure,

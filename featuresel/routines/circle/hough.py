@@ -104,6 +104,7 @@ HOUGH = Routine(
     name="hough",
     version="1",
     kinds=("circle", "teeth"),
+    principle="edges",
     provides=("xy",),
     baseline=True,
     prepare=prepare,

@@ -79,6 +79,7 @@ ISO_CIRCLE = Routine(
     name="iso_circle",
     version="2",
     kinds=("circle", "teeth"),
+    principle="edges",
     provides=("xy",),
     requires=("xy",),
     capture_px=CAPTURE_PX,

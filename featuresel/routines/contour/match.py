@@ -151,6 +151,7 @@ CONTOUR_MATCH = Routine(
     name="contour_match",
     version="1",
     kinds=("circle", "teeth", "outline", "jaws"),
+    principle="edges",
     provides=("xy", "theta"),
     prepare=prepare,
     measure=measure,

@@ -136,6 +136,7 @@ EDGE_CALIPER = Routine(
     name="edge_caliper",
     version="2",
     kinds=("jaws",),
+    principle="edges",
     provides=("xy", "theta"),
     prepare=prepare,
     measure=measure,

@@ -111,6 +111,7 @@ LINE_CALIPER = Routine(
     name="line_caliper",
     version="1",
     kinds=("edge",),
+    principle="edges",
     provides=("xy", "theta"),
     prepare=prepare_edge,
     measure=measure_edge,

@@ -120,6 +120,7 @@ TOOTH_NOTCH = Routine(
     name="tooth_notch",
     version="1",
     kinds=("teeth",),
+    principle="edges",
     provides=("theta",),
     requires=("xy",),
     capture_px=2.0,

@@ -124,6 +124,7 @@ ECC = Routine(
     name="ecc",
     version="2",
     kinds=("circle", "teeth", "outline", "jaws"),
+    principle="area",
     provides=("xy", "theta"),
     requires=("xy", "theta"),
     capture_px=_CAPTURE_PX,

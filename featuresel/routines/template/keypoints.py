@@ -96,6 +96,7 @@ KEYPOINTS = Routine(
     name="keypoints",
     version="1",
     kinds=("teeth", "outline", "jaws"),
+    principle="area",
     provides=("xy", "theta"),
     baseline=True,
     prepare=prepare,

@@ -137,6 +137,7 @@ NCC = Routine(
     name="ncc",
     version="2",
     kinds=("circle", "teeth", "outline", "jaws"),
+    principle="area",
     provides=("xy", "theta"),
     prepare=prepare,
     measure=measure,

@@ -167,6 +167,7 @@ OTSU = Routine(
     name="otsu",
     version="2",
     kinds=("circle", "teeth", "outline"),
+    principle="area",
     provides=("xy",),
     prepare=prepare,
     measure=measure,

@@ -91,6 +91,7 @@ PHASE_CORRELATION = Routine(
     name="phase_correlation",
     version="1",
     kinds=("circle", "teeth", "outline", "jaws"),
+    principle="area",
     provides=("xy",),
     baseline=True,
     prepare=prepare,

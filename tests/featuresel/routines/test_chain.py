@@ -54,7 +54,9 @@ def test_a_routine_of_the_earlier_contract_is_refused_with_the_new_words(
         with pytest.raises(TypeError) as refused:
             load("old")
         said = str(refused.value)
-        assert "(name, version, kinds, provides, requires, capture_px" in said
+        assert (
+            "(name, version, kinds, principle, provides, requires, capture_px" in said
+        )
         for word in ("GIVES is now provides", "NEEDS is now requires",
                      "DEAR is now expensive", "CONTROL is now baseline"):  # fmt: skip
             assert word in said

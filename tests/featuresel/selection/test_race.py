@@ -115,7 +115,7 @@ def test_a_race_ends_when_one_chain_is_proved_and_no_cheaper_one_is_left(
 def test_a_dearer_and_coarser_chain_of_the_same_beginning_is_dropped(
     post: LookCase,
 ) -> None:
-    worse = (*BEHIND, "otsu")
+    worse = (*BEHIND, "hough")
     ready = prepare(post, [BEHIND, worse, FINE])
     margin_share = replace(post, tolerance_um=2.0)
     found = race(margin_share, ready, root_seed=5, most=136, rounds=(128,))

@@ -123,6 +123,16 @@ def test_the_fallback_begins_with_another_routine() -> None:
     assert alone.fallback is None
 
 
+def test_the_fallback_is_of_another_principle() -> None:
+    first, near = a_score("otsu", 0.1, 1), a_score("ncc", 0.1, 2)
+    edges = replace(a_score("otsu>circle_caliper", 0.1, 5), principle="edges")
+    both = replace(a_score("iso_circle", 0.1, 9), principle="edges")
+    task = Constraints(tolerance_um=1, tolerance_theta_rad=None)
+    assert select([first, near], task).fallback == near
+    assert select([first, near, edges], task).fallback == edges
+    assert select([first, near, edges, both], task).fallback == both
+
+
 def test_when_nothing_passes_the_advice_says_what_would() -> None:
     found = select(
         [a_score("a", 0.8)], Constraints(tolerance_um=1, tolerance_theta_rad=None)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Principle
 from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.evaluate import compare_routines
 from microplan.featuresel.selection.race import SHOWN, Heats, chains_ahead, race
@@ -49,13 +50,23 @@ def test_what_costs_more_than_a_roomy_chain_and_its_fallback_waits() -> None:
     [
         [a_score("a", 0.3, 1), a_score("b", 0.1, 2), a_score("c", 0.1, 3)],
         [a_score("a", 0.1, 1), a_score("b", 0.3, 2), a_score("c", 0.29, 3)],
-        [a_score("a", 0.1, 1), a_score("a>b", 0.1, 2), a_score("a>c", 0.1, 3)],
         [a_score("a", 0.6, 1), a_score("b", 0.6, 2)],
     ],
-    ids=["tight", "tight fallback", "one beginning", "none passes"],
+    ids=["tight", "tight fallback", "none passes"],
 )
 def test_where_no_two_leave_room_all_matter(scores: list[ChainScore]) -> None:
     assert hung_on(*scores) == {score.chain for score in scores}
+
+
+def test_what_has_less_in_common_than_the_fallback_matters_at_any_cost() -> None:
+    alike = [a_score("a", 0.1, 1), a_score("a>b", 0.1, 2), a_score("a>c", 0.1, 3)]
+    assert hung_on(*alike) == {("a",), ("a", "b")}
+    begun_apart = with_failures(a_score("d", 0.1, 8), 64, 0)
+    assert hung_on(*alike, begun_apart) == {("a",), ("a", "b"), ("d",)}
+    edges = replace(with_failures(a_score("a>e", 0.1, 9), 64, 0), principle="edges")
+    assert hung_on(*alike, begun_apart, edges) == {
+        ("a",), ("a", "b"), ("d",), ("a", "e"),
+    }  # fmt: skip
 
 
 NAMES = ["a", "b", "c", "a>b", "a>c", "b>c", "b>a", "c>b"]
@@ -68,10 +79,15 @@ def fields(draw: st.DrawFn) -> tuple[list[ChainScore], list[ChainScore]]:
     """Return scores of some chains twice: costs are the same, all else is not."""
     names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
     costs = [draw(st.sampled_from([1.0, 2.0, 3.0, 4.0])) for _ in names]
+    kinds: list[Principle] = [draw(st.sampled_from(["edges", "area"])) for _ in names]
     first, second = (
         [
-            with_failures(a_score(name, draw(SIGMAS), cost), draw(FAULTS), draw(FAULTS))
-            for name, cost in zip(names, costs, strict=True)
+            with_failures(
+                replace(a_score(name, draw(SIGMAS), cost), principle=kind),
+                draw(FAULTS),
+                draw(FAULTS),
+            )
+            for name, cost, kind in zip(names, costs, kinds, strict=True)
         ]
         for _ in range(2)
     )
@@ -142,7 +158,7 @@ def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) ->
     whole = held()
     assert choice(some.scores).chosen == choice(whole.scores).chosen
     assert choice(some.scores).fallback == choice(whole.scores).fallback
-    assert some.trials == {("otsu",): 40, ("ncc",): 40, ("circle_caliper",): SHOWN}
+    assert some.trials == {("otsu",): SHOWN, ("ncc",): 40, ("circle_caliper",): 40}
     assert set(whole.trials.values()) == {40}
     assert set(some.outcomes) < set(whole.outcomes)
 

@@ -32,6 +32,7 @@ def animal(
         name=name,
         version="1",
         kinds=(kind,),
+        principle="area",
         provides=provides,
         requires=requires,
         capture_px=capture_px,
