@@ -1,0 +1,82 @@
+"""Which hole goes over which post: one outline inside another one, at a pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.executor.simulated.outlines.crossing import (
+    cross,
+    enclosed,
+    moved,
+    segments,
+)
+from microplan.executor.simulated.outlines.fabricated import FabricatedRing
+from microplan.schemas.pose import Pose
+
+
+def goes_over(
+    hole: FabricatedRing,
+    post: FabricatedRing,
+    at: Pose,
+    *,
+    lean_um: tuple[float, float] = (0.0, 0.0),
+) -> bool:
+    """Return whether a hole goes over a post: the post lies wholly inside the hole.
+
+    Whole circles are compared by radii. Anything else is compared as polygons that err
+    to the safe side by at most twice SAGITTA_UM.
+
+    Parameters
+    ----------
+    hole, post : FabricatedRing
+        Each in its own part's frame.
+    at : Pose
+        Of the post's part in the frame of the hole's.
+    lean_um : (float, float)
+        How far a leaning post is away at the other face of the hole's part, in that
+        part's frame: its slope times the part's thickness. It has to lie inside at
+        both faces and between them.
+    """
+    x, y = at.apply(*post.center_um)
+    x, y = x - hole.center_um[0], y - hole.center_um[1]
+    known = decided(hole, post, math.hypot(x, y))
+    if lean_um != (0.0, 0.0) and known is not False:
+        other = decided(hole, post, math.hypot(x + lean_um[0], y + lean_um[1]))
+        known = False if other is False else (known and other)  # discs are convex
+    if known is not None:
+        return known
+    corners = moved(post.corners_um, at)
+    return inside(hole.corners_um, corners) and not _struck(
+        hole.corners_um, corners, lean_um
+    )
+
+
+def decided(hole: FabricatedRing, post: FabricatedRing, off_um: float) -> bool | None:
+    """Return what the distance of the centres tells alone; None if it does not."""
+    if hole.round_um is not None and post.round_um is not None:
+        return off_um < hole.round_um - post.round_um
+    if off_um + post.outer_um < hole.inner_um:
+        return True
+    if off_um + post.inner_um > hole.outer_um:
+        return False
+    return None
+
+
+def inside(hole: FloatArray, post: FloatArray) -> bool:
+    """Return whether a (N, 2) um polygon lies wholly inside a (M, 2) um one."""
+    return bool(enclosed(post[:1], hole)[0]) and not cross(
+        segments(post), segments(hole)
+    )
+
+
+def _struck(hole: FloatArray, post: FloatArray, lean_um: tuple[float, float]) -> bool:
+    """Return whether a post meets a hole's edge while it shifts by `lean_um`."""
+    if lean_um == (0.0, 0.0):
+        return False
+    shift = np.array(lean_um)
+    paths = np.stack([post, post + shift], axis=1)
+    back = np.stack([hole, hole - shift], axis=1)
+    return cross(paths, segments(hole)) or cross(back, segments(post))
