@@ -8,11 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.executor.simulated.outlines.containment import decided, goes_over
+from microplan.executor.simulated.outlines.containment import (
+    PoseAnswer,
+    decided,
+    meets,
+    over,
+)
 from microplan.executor.simulated.outlines.crossing import (
     enclosed,
     moved,
@@ -63,6 +69,7 @@ def _check_body(
 
 
 FROM_ABOVE_UM = 3.0  # deeper at once than this is a hit from the side: z steps are 1 um
+MATERIAL = -1  # in place of a hole's number: about the part's material
 BENT_UM = 5.0  # pushed farther than this, a post or finger is bent
 
 
@@ -104,10 +111,27 @@ def hole_over(
         off_um = math.dist(pose.apply(*hole.ring.center_um), (x, y))
         known = decided(hole.ring, post.ring, off_um - slack_um)
         if known is None:
-            known = goes_over(hole.ring, post.ring, _relative(truth, body, host))
+            known = _answer(
+                body, (post.name, i), post, _relative(truth, body, host),
+                partial(over, hole.ring, post.ring),
+            )  # fmt: skip
         if known:
             return i
     return None
+
+
+def _answer(
+    body: TrueBody,
+    about: tuple[str, int],
+    post: TruePost,
+    at: Pose,
+    ask: Callable[[Pose], PoseAnswer],
+) -> bool:
+    """Return an answer about a post at a pose, the last one while that holds."""
+    last = body.answers.get(about)
+    if last is None or not last.holds_at(post.ring, at):
+        last = body.answers[about] = ask(at)
+    return last.yes
 
 
 def _relative(truth: Truth, body: TrueBody, host: TrueBody) -> Pose:
@@ -238,7 +262,7 @@ def _floors(
             continue
         if truth.top_um(other) <= above_um:
             continue
-        if _overlap(truth, body, other, other.rings, other.reach_um):
+        if _overlap(truth, body, other):
             yield truth.top_um(other), name
 
 
@@ -272,19 +296,16 @@ def drop(truth: Truth, body: TrueBody) -> None:
 
 def _post_under(truth: Truth, body: TrueBody, host: TrueBody, post: TruePost) -> bool:
     """Return whether a post that is not in a hole lies under the body's material."""
-    reach_um = math.hypot(*post.ring.center_um) + post.ring.outer_um
-    return _overlap(truth, body, host, post.rings, reach_um)
-
-
-def _overlap(
-    truth: Truth,
-    body: TrueBody,
-    other: TrueBody,
-    rings: tuple[FloatArray, ...],
-    reach_um: float,
-) -> bool:
-    """Return whether a body's outline and rings of another one share any area."""
-    at = _relative(truth, body, other)
-    if math.hypot(at.x_um, at.y_um) > body.reach_um + reach_um:
+    at = _relative(truth, body, host)
+    if math.hypot(*at.apply(*post.ring.center_um)) > body.reach_um + post.ring.outer_um:
         return False
-    return share_area([moved(ring, at) for ring in rings], body.rings)
+    ask = partial(meets, body.rings, post.ring, post.rings)
+    return _answer(body, (post.name, MATERIAL), post, at, ask)
+
+
+def _overlap(truth: Truth, body: TrueBody, other: TrueBody) -> bool:
+    """Return whether the outlines of two bodies share any area."""
+    at = _relative(truth, body, other)
+    if math.hypot(at.x_um, at.y_um) > body.reach_um + other.reach_um:
+        return False
+    return share_area([moved(ring, at) for ring in other.rings], body.rings)

@@ -10,6 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.safety import AXES
+from microplan.executor.simulated.outlines.containment import PoseAnswer
 from microplan.executor.simulated.outlines.fabricated import (
     FabricatedRing,
     fabricated_ring,
@@ -201,6 +202,8 @@ class TrueBody:
     pose: Pose  # in the carrier's frame
     z_um: float  # underside above the carrier: stage surface, or the fingers' underside
     on_posts: dict[str, int] = field(default_factory=dict)  # post to the hole it is in
+    # the last ones about a post and a hole of it: they save time and change nothing
+    answers: dict[tuple[str, int], PoseAnswer] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -39,6 +39,25 @@ def enclosed(points: FloatArray, ring: FloatArray) -> npt.NDArray[np.bool_]:
     return inside
 
 
+def distances_um(points: FloatArray, ring: FloatArray) -> FloatArray:
+    """Return how far (N, 2) um points lie from a ring of (M, 2) um corners, (N,) um."""
+    if not len(points):
+        return np.zeros(0)
+    at_once = max(1, PAIRS // len(ring))
+    parts = (points[i : i + at_once] for i in range(0, len(points), at_once))
+    return np.concatenate([edge_distances_um(part, ring).min(axis=1) for part in parts])
+
+
+def edge_distances_um(points: FloatArray, ring: FloatArray) -> FloatArray:
+    """Return how far (N, 2) um points lie from each of M edges, (N, M) um."""
+    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+    dx, dy = x1 - x0, y1 - y0
+    x, y = points[:, :1] - x0, points[:, 1:] - y0
+    share = np.clip((x * dx + y * dy) / (dx * dx + dy * dy), 0, 1)
+    far: FloatArray = np.hypot(x - share * dx, y - share * dy)
+    return far
+
+
 def segments(ring: FloatArray) -> FloatArray:
     """Return the edges of a ring of (N, 2) um corners, (N, 2, 2) um."""
     return np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)

@@ -11,7 +11,12 @@ import numpy.typing as npt
 
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.outlines.containment import inside
-from microplan.executor.simulated.outlines.crossing import enclosed, moved
+from microplan.executor.simulated.outlines.crossing import (
+    distances_um,
+    edge_distances_um,
+    enclosed,
+    moved,
+)
 from microplan.schemas.pose import Pose
 
 FREE_UM = 2e-4  # left between what was pushed apart: far above rounding
@@ -144,28 +149,19 @@ def _worst(
     where = np.flatnonzero(wrong)
     if not len(where):
         return
-    far = _feet(corners[where], ring)[1]
+    far = distances_um(corners[where], ring)
     runs = np.split(np.arange(len(where)), np.flatnonzero(np.diff(where) > 1) + 1)
     for run in runs:
         chosen = {run[0], run[int(np.argmax(far[run]))], run[-1]}
         yield from sorted(int(where[i]) for i in chosen)
 
 
-def _feet(points: FloatArray, ring: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distances to each edge (K, M) um and to the nearest (K,) um."""
-    edge = np.roll(ring, -1, axis=0) - ring
-    to_point = points[:, None] - ring[None]
-    share = np.clip((to_point * edge).sum(axis=2) / (edge**2).sum(axis=1), 0, 1)
-    far = np.hypot(*np.moveaxis(to_point - share[..., None] * edge, 2, 0))
-    return far, far.min(axis=1)
-
-
 def _lines(
     point: FloatArray, ring: FloatArray, *, sign: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield foot and normal of the edges nearest to a point: two at a corner."""
-    far, least = _feet(point[None], ring)
-    for i in np.flatnonzero(far[0] <= least[0] + 1e-9):
+    far = edge_distances_um(point[None], ring)[0]
+    for i in np.flatnonzero(far <= far.min() + 1e-9):
         edge = ring[(i + 1) % len(ring)] - ring[i]
         normal = np.array([-edge[1], edge[0]]) / float(np.hypot(*edge))
         yield ring[i], sign * normal
