@@ -12,6 +12,9 @@ from microplan.arrays import FloatArray
 from microplan.schemas.pose import Pose
 
 PAIRS = 100_000  # of edges looked at together: some MB
+TALL = 8.0  # times the median's height: what reaches past many others goes apart
+
+IntArray = npt.NDArray[np.intp]
 
 
 def moved(points: FloatArray, pose: Pose) -> FloatArray:
@@ -27,16 +30,26 @@ def enclosed(points: FloatArray, ring: FloatArray) -> npt.NDArray[np.bool_]:
 
     By winding number: a piece that an offset turned inside out is no inside.
     """
-    x, y = points[:, :1], points[:, 1:]
-    x0, y0 = ring.T
-    x1, y1 = np.roll(x0, -1), np.roll(y0, -1)
-    side = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
-    up = (y0 <= y) & (y < y1) & (side > 0)
-    down = (y1 <= y) & (y < y0) & (side < 0)
-    inside: npt.NDArray[np.bool_] = np.count_nonzero(up, axis=1) > np.count_nonzero(
-        down, axis=1
-    )
+    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+    order = np.argsort(points[:, 1])
+    heights = points[order, 1]
+    first = np.searchsorted(heights, np.minimum(y0, y1))
+    after = np.searchsorted(heights, np.maximum(y0, y1))  # a corner counts once
+    edge, place = _ranges(first, after)
+    point = order[place]
+    x, y = points[point].T
+    side = (x1 - x0)[edge] * (y - y0[edge]) - (x - x0[edge]) * (y1 - y0)[edge]
+    up = y1[edge] > y0[edge]
+    turns = np.where(up & (side > 0), 1, 0) - np.where(~up & (side < 0), 1, 0)
+    inside: npt.NDArray[np.bool_] = np.bincount(point, turns, len(points)) > 0.5
     return inside
+
+
+def _ranges(first: IntArray, after: IntArray) -> tuple[IntArray, IntArray]:
+    """Return all (i, j) with first[i] <= j < after[i], as two arrays."""
+    count = np.maximum(after - first, 0)
+    i = np.repeat(np.arange(len(first)), count)
+    return i, np.arange(len(i)) - np.repeat(np.cumsum(count) - count - first, count)
 
 
 def distances_um(points: FloatArray, ring: FloatArray) -> FloatArray:
@@ -73,28 +86,42 @@ def cross(first: FloatArray, second: FloatArray) -> bool:
         near = (both[a].max(axis=1) >= box[0]) & (both[a].min(axis=1) <= box[1])
         chosen = both[a][near.all(axis=1)]
         first, second = (chosen, second) if a == 0 else (first, chosen)
-    at_once = max(1, PAIRS // max(len(second), 1))
-    return any(
-        _cross(first[i : i + at_once], second) for i in range(0, len(first), at_once)
-    )
+    size = np.ptp(second[..., 1], axis=1)
+    tall = size > TALL * np.median(size)
+    return _cross(first, second[tall]) or _cross(first, second[~tall])
 
 
 def _cross(first: FloatArray, second: FloatArray) -> bool:
-    """Return whether segments meet; one that touches another meets it."""
-    p, r = first[:, None, 0], first[:, None, 1] - first[:, None, 0]
-    q, s = second[None, :, 0], second[None, :, 1] - second[None, :, 0]
-    gap_x, gap_y = q[..., 0] - p[..., 0], q[..., 1] - p[..., 1]
-    turn = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
-    of_first = gap_x * s[..., 1] - gap_y * s[..., 0]  # places, times `turn`
-    of_second = gap_x * r[..., 1] - gap_y * r[..., 0]
-    size, sign = np.abs(turn), np.where(turn < 0, -1.0, 1.0)
-    of_first, of_second = sign * of_first, sign * of_second
+    """Return whether segments meet; the second ones are about equally tall."""
+    if not len(second):
+        return False
+    second = second[np.argsort(second[..., 1].min(axis=1))]
+    low = second[..., 1].min(axis=1)
+    high = np.maximum.accumulate(second[..., 1].max(axis=1))
+    begin = np.searchsorted(high, first[..., 1].min(axis=1))
+    end = np.searchsorted(low, first[..., 1].max(axis=1), side="right")
+    at_once = max(1, PAIRS // len(second))
+    for k in range(0, len(first), at_once):
+        i, j = _ranges(begin[k : k + at_once], end[k : k + at_once])
+        if len(i) and _meet(first[k + i], second[j]):
+            return True
+    return False
+
+
+def _meet(first: FloatArray, second: FloatArray) -> bool:
+    """Return whether any of K pairs of (K, 2, 2) um segments meets, or touches."""
+    (px, py), (rx, ry) = first[:, 0].T, (first[:, 1] - first[:, 0]).T
+    (qx, qy), (sx, sy) = second[:, 0].T, (second[:, 1] - second[:, 0]).T
+    gap_x, gap_y = qx - px, qy - py
+    turn = rx * sy - ry * sx
+    sign, size = np.where(turn < 0, -1.0, 1.0), np.abs(turn)
+    of_first = sign * (gap_x * sy - gap_y * sx)  # places on the segments, times size
+    of_second = sign * (gap_x * ry - gap_y * rx)
     meet = (of_first >= 0) & (of_first <= size) & (of_second >= 0) & (of_second <= size)
     if not meet.any():
         return False
-    i, j = np.nonzero(meet)
-    low = np.maximum(first[i].min(axis=1), second[j].min(axis=1))
-    high = np.minimum(first[i].max(axis=1), second[j].max(axis=1))
+    low = np.maximum(first[meet].min(axis=1), second[meet].min(axis=1))
+    high = np.minimum(first[meet].max(axis=1), second[meet].max(axis=1))
     return bool((low <= high).all(axis=1).any())  # parallel ones may lie far apart
 
 
