@@ -171,13 +171,13 @@ def lean(truth: Truth, body: TrueBody) -> None:
     However far it drifted since: the part gives way by the smallest motion, in the
     sense of `smallest_motion`. Round pairs push straight, and turn nothing.
     """
+    if not body.on_posts:
+        return
     threaded = [
         (host, post, body.holes[body.on_posts[post.name]])
         for host, post in posts(truth)
         if post.name in body.on_posts
     ]
-    if not threaded:
-        return
     pushed = _pushed(truth, body, threaded)
     bent = f"{threaded[0][1].name} was bent by {body.part.name}"
     if pushed is None:

@@ -86,6 +86,8 @@ def cross(first: FloatArray, second: FloatArray) -> bool:
         near = (both[a].max(axis=1) >= box[0]) & (both[a].min(axis=1) <= box[1])
         chosen = both[a][near.all(axis=1)]
         first, second = (chosen, second) if a == 0 else (first, chosen)
+    if not len(first) or not len(second):
+        return False
     size = np.ptp(second[..., 1], axis=1)
     tall = size > TALL * np.median(size)
     return _cross(first, second[tall]) or _cross(first, second[~tall])
