@@ -21,6 +21,7 @@ from microplan.schemas.pose import Pose
 
 FREE_UM = 2e-4  # left between what was pushed apart: far above rounding
 ROUNDS = 40  # of making the contacts straight; a few are enough
+MOST_STEPS = 200  # over the deepest contact alone
 FARTHEST_UM = 1000.0  # no push goes farther: what needs more does not fit at all
 
 Pair = tuple[FloatArray, FloatArray]  # corners of a hole and of its post, (N, 2) um
@@ -61,21 +62,46 @@ def smallest_motion(
         In the same frame; the identity if all fit already, None if no motion helps.
     """
     center = np.array(center_um)
+    motion = _least(pairs, center, reach_um)
+    return motion if motion is not None else _any(pairs, center, reach_um)
+
+
+def _least(pairs: Sequence[Pair], center: FloatArray, reach_um: float) -> Pose | None:
+    """Return the least motion that satisfies all contacts met on the way to it."""
     contacts: list[_Contact] = []
     shift = np.zeros(3)  # dx, dy, reach dtheta
     for _ in range(ROUNDS):
         motion = _pose(shift, center, reach_um)
-        there = [(hole, moved(post, motion)) for hole, post in pairs]
-        if all(inside(hole, post) for hole, post in there):
+        found = _met(pairs, motion)
+        if found is None:
             return motion
-        contacts += _met(pairs, there, motion)
-        rows = [_row(contact, motion, center, reach_um) for contact in contacts]
-        slopes = np.array([slope for slope, _ in rows]).reshape(-1, 3)
-        gaps = np.array([gap for _, gap in rows])
-        found = least_distance(slopes, FREE_UM + slopes @ shift - gaps)
-        if found is None or float(np.abs(found).max()) > FARTHEST_UM:
+        contacts += [contact for _, contact in found]
+        slopes, gaps = _rows(contacts, motion, center, reach_um)
+        step = least_distance(slopes, FREE_UM + slopes @ shift - gaps)
+        if step is None or float(np.abs(step).max()) > FARTHEST_UM:
             return None
-        shift = found
+        shift = step
+    return None
+
+
+def _any(pairs: Sequence[Pair], center: FloatArray, reach_um: float) -> Pose | None:
+    """Return a motion found by going back over the deepest contact, again and again.
+
+    For what was pushed past its neighbour, where not all contacts first met can hold.
+    """
+    shift = np.zeros(3)
+    for _ in range(MOST_STEPS):
+        motion = _pose(shift, center, reach_um)
+        found = _met(pairs, motion)
+        if found is None:
+            return motion
+        deepest = max((depth for depth, _ in found), default=0.0)
+        contacts = [contact for depth, contact in found if depth == deepest]
+        slopes, gaps = _rows(contacts, motion, center, reach_um)
+        step = least_distance(slopes, FREE_UM - gaps)
+        if step is None:
+            return None
+        shift = shift + step
     return None
 
 
@@ -88,6 +114,15 @@ def _pose(shift: FloatArray, center: FloatArray, reach_um: float) -> Pose:
         y_um=float(center[1] + shift[1] - y),
         theta_rad=theta_rad,
     )
+
+
+def _rows(
+    contacts: Sequence[_Contact], motion: Pose, center: FloatArray, reach_um: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return slopes (K, 3) and gaps (K,) um of contacts at a motion."""
+    rows = [_row(contact, motion, center, reach_um) for contact in contacts]
+    slopes = np.array([slope for slope, _ in rows]).reshape(-1, 3)
+    return slopes, np.array([gap for _, gap in rows])
 
 
 def _row(
@@ -111,25 +146,24 @@ def _row(
     return np.array([normal[0], normal[1], lever / reach_um]), gap
 
 
-def _met(pairs: Sequence[Pair], there: Sequence[Pair], motion: Pose) -> list[_Contact]:
-    """Return contacts of the corners that are farthest on the wrong side."""
-    found: list[_Contact] = []
-    back = motion.inverse()
-    for (hole, post), (_, now) in zip(pairs, there, strict=True):
+def _met(pairs: Sequence[Pair], motion: Pose) -> list[tuple[float, _Contact]] | None:
+    """Return contacts of corners on the wrong side, with depths; None if all fit."""
+    found: list[tuple[float, _Contact]] = []
+    fits, back = True, motion.inverse()
+    for hole, post in pairs:
+        now, before = moved(post, motion), moved(hole, back)
+        if inside(hole, now):
+            continue
+        fits = False
         out = _convex(now) & ~enclosed(now, hole)
-        for i in _worst(out, now, hole):
-            found += [
-                _Contact(post[i], foot, normal, of_hole=False)
-                for foot, normal in _lines(now[i], hole, sign=1.0)
-            ]
-        before = moved(hole, back)
+        for i, depth in _worst(out, now, hole):
+            for foot, normal in _lines(now[i], hole, sign=1.0):
+                found.append((depth, _Contact(post[i], foot, normal, of_hole=False)))
         into = ~_convex(hole) & enclosed(before, post)
-        for i in _worst(into, before, post):
-            found += [
-                _Contact(hole[i], foot, normal, of_hole=True)
-                for foot, normal in _lines(before[i], post, sign=-1.0)
-            ]
-    return found
+        for i, depth in _worst(into, before, post):
+            for foot, normal in _lines(before[i], post, sign=-1.0):
+                found.append((depth, _Contact(hole[i], foot, normal, of_hole=True)))
+    return None if fits else found
 
 
 def _convex(ring: FloatArray) -> npt.NDArray[np.bool_]:
@@ -144,16 +178,16 @@ def _convex(ring: FloatArray) -> npt.NDArray[np.bool_]:
 
 def _worst(
     wrong: npt.NDArray[np.bool_], corners: FloatArray, ring: FloatArray
-) -> Iterator[int]:
-    """Yield the farthest, first and last corner of each run on the wrong side."""
+) -> Iterator[tuple[int, float]]:
+    """Yield the farthest corner of each run on the wrong side, and its distance."""
     where = np.flatnonzero(wrong)
     if not len(where):
         return
     far = distances_um(corners[where], ring)
     runs = np.split(np.arange(len(where)), np.flatnonzero(np.diff(where) > 1) + 1)
     for run in runs:
-        chosen = {run[0], run[int(np.argmax(far[run]))], run[-1]}
-        yield from sorted(int(where[i]) for i in chosen)
+        i = run[int(np.argmax(far[run]))]
+        yield int(where[i]), float(far[i])
 
 
 def _lines(

@@ -124,8 +124,8 @@ def test_dense_points_agree_at_random_poses(name: str) -> None:
     for _ in range(150):
         dx, dy, turn = rng.uniform(-1, 1, 3) * (reach_um, reach_um, 0.06)
         at = Pose(x_um=dx, y_um=dy, theta_rad=turn)
-        there = moved(points, at).T
-        strict, loose = (bool(hole.holds(*there, by).all()) for by in (-SAFE_UM, 1e-9))
+        x, y = moved(points, at).T
+        strict, loose = (bool(hole.holds(x, y, by).all()) for by in (-SAFE_UM, 1e-9))
         yes = goes_over(*rings, at)
         assert strict <= yes <= loose, (dx, dy, turn)
         found.append(yes)
