@@ -1,4 +1,4 @@
-"""Contact model of the simulated cell: seating, wedging, collisions of fingers.
+"""Contact model of the simulated cell: seating, resting, pushing, collisions.
 
 Written from the contact model's words, apart from the compiler's own version of it.
 """

@@ -91,11 +91,13 @@ def _body(
     theta = part.start.theta_rad + part.sigma_theta_rad * turn
     anywhere = rng["start"].uniform(-math.pi, math.pi)
     made = {i: None if h is None else h.ring for i, h in holes.items()}
+    drawn = [i for i, h in holes.items() if h is not None and h.offset_um == 0]
+    shown = {i: ring for i, ring in made.items() if i not in drawn}  # arcs stay arcs
     rings = polygons(part.outline, made)
     edge = boundary(rings)
     return TrueBody(
         part=part,
-        outline=outline_of(part.outline, made),
+        outline=outline_of(part.outline, shown),
         holes=tuple(hole for hole in holes.values() if hole is not None),
         posts=tuple(_post(post, rng["profile"]) for post in part.posts),
         edge=edge,
@@ -151,7 +153,7 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
         raise ValueError(f"{post.name} is thinner than its profile tolerance")
     return TruePost(
         name=post.name,
-        outline=outline_of(post.outline, made),
+        outline=outline_of(post.outline, made if offset_um else None),
         center_um=post.center_um,
         offset_um=offset_um,
         ring=ring,

@@ -80,13 +80,7 @@ def meets(
     return PoseAnswer(yes=True, at=at, room_um=float(far.max(initial=0.0)))
 
 
-def goes_over(
-    hole: FabricatedRing,
-    post: FabricatedRing,
-    at: Pose,
-    *,
-    lean_um: tuple[float, float] = (0.0, 0.0),
-) -> bool:
+def goes_over(hole: FabricatedRing, post: FabricatedRing, at: Pose) -> bool:
     """Return whether a hole goes over a post: the post lies wholly inside the hole.
 
     Whole circles are compared by radii. Anything else is compared as polygons that err
@@ -98,23 +92,11 @@ def goes_over(
         Each in its own part's frame.
     at : Pose
         Of the post's part in the frame of the hole's.
-    lean_um : (float, float)
-        How far a leaning post is away at the other face of the hole's part, in that
-        part's frame: its slope times the part's thickness. It has to lie inside at
-        both faces and between them.
     """
-    x, y = at.apply(*post.center_um)
-    x, y = x - hole.center_um[0], y - hole.center_um[1]
-    known = decided(hole, post, math.hypot(x, y))
-    if lean_um != (0.0, 0.0) and known is not False:
-        other = decided(hole, post, math.hypot(x + lean_um[0], y + lean_um[1]))
-        known = False if other is False else (known and other)  # discs are convex
+    known = decided(hole, post, math.dist(at.apply(*post.center_um), hole.center_um))
     if known is not None:
         return known
-    corners = moved(post.corners_um, at)
-    return inside(hole.corners_um, corners) and not _struck(
-        hole.corners_um, corners, lean_um
-    )
+    return inside(hole.corners_um, moved(post.corners_um, at))
 
 
 def decided(hole: FabricatedRing, post: FabricatedRing, off_um: float) -> bool | None:
@@ -133,13 +115,3 @@ def inside(hole: FloatArray, post: FloatArray) -> bool:
     return bool(enclosed(post[:1], hole)[0]) and not cross(
         segments(post), segments(hole)
     )
-
-
-def _struck(hole: FloatArray, post: FloatArray, lean_um: tuple[float, float]) -> bool:
-    """Return whether a post meets a hole's edge while it shifts by `lean_um`."""
-    if lean_um == (0.0, 0.0):
-        return False
-    shift = np.array(lean_um)
-    paths = np.stack([post, post + shift], axis=1)
-    back = np.stack([hole, hole - shift], axis=1)
-    return cross(paths, segments(hole)) or cross(back, segments(post))

@@ -240,21 +240,5 @@ def test_an_answer_holds_as_far_as_it_says(
         assert goes_over(hole, post, near) == first.yes
 
 
-def test_a_leaning_post_has_to_fit_at_both_faces_and_between() -> None:
-    hole, post = circle(25.0), circle(22.0)
-    rings = made(hole.edges, post=False), made(post.edges, post=True)
-    here = Pose(x_um=-1.5, y_um=0.0)
-    assert goes_over(*rings, here, lean_um=(3.0, 0.0))  # from -1.5 to 1.5, of 3
-    assert goes_over(*rings, here, lean_um=(4.49, 0.0))
-    assert not goes_over(*rings, here, lean_um=(4.51, 0.0))
-    # a leaning key passes over the bar between two slots: both ends fit, not the path
-    bar = made(cross(40.0, 16.0).edges, post=False)
-    pin = made(rectangle(6.0, 6.0).edges, post=True)
-    low, high = Pose(x_um=30.0, y_um=0.0), (-30.0, 30.0)
-    assert goes_over(bar, pin, low)
-    assert goes_over(bar, pin, Pose(x_um=0.0, y_um=30.0))
-    assert not goes_over(bar, pin, low, lean_um=high)
-
-
 def test_the_sagitta_bounds_the_error_of_a_pair() -> None:
     assert 2 * SAGITTA_UM < SAFE_UM
