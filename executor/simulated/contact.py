@@ -25,7 +25,7 @@ from microplan.executor.simulated.outlines.crossing import (
     share_area,
 )
 from microplan.executor.simulated.outlines.pushing import smallest_motion
-from microplan.executor.simulated.truth import TrueBody, TrueHole, TruePost, Truth
+from microplan.executor.simulated.truth import TrueBody, TruePost, Truth
 from microplan.schemas.pose import Pose
 
 
@@ -111,13 +111,19 @@ def hole_over(
         off_um = math.dist(pose.apply(*hole.ring.center_um), (x, y))
         known = decided(hole.ring, post.ring, off_um - slack_um)
         if known is None:
-            known = _answer(
-                body, (post.name, i), post, _relative(truth, body, host),
-                partial(over, hole.ring, post.ring),
-            )  # fmt: skip
+            known = _is_over(truth, body, i, host, post)
         if known:
             return i
     return None
+
+
+def _is_over(
+    truth: Truth, body: TrueBody, hole: int, host: TrueBody, post: TruePost
+) -> bool:
+    """Return whether a hole goes over a post by their polygons."""
+    ask = partial(over, body.holes[hole].ring, post.ring)
+    at = _relative(truth, body, host)
+    return _answer(body, (post.name, hole), post, at, ask)
 
 
 def _answer(
@@ -174,7 +180,7 @@ def lean(truth: Truth, body: TrueBody) -> None:
     if not body.on_posts:
         return
     threaded = [
-        (host, post, body.holes[body.on_posts[post.name]])
+        (host, post, body.on_posts[post.name])
         for host, post in posts(truth)
         if post.name in body.on_posts
     ]
@@ -193,7 +199,7 @@ def lean(truth: Truth, body: TrueBody) -> None:
         truth.hit(bent)
 
 
-_Threaded = tuple[TrueBody, TruePost, TrueHole]  # a post's body, the post, its hole
+_Threaded = tuple[TrueBody, TruePost, int]  # a post's body, the post, its hole
 
 
 def _pushed(
@@ -201,21 +207,20 @@ def _pushed(
 ) -> tuple[Pose, float] | None:
     """Return where posts push a part and how far, um; None if nowhere is room."""
     pose = truth.pose(body)
-    held_in = [_shift(truth, pose, one) for one in threaded]
-    if len(threaded) == 1 and held_in[0] is not None:
-        dx, dy = held_in[0]
+    shifts = [_shift(truth, body, one) for one in threaded]
+    if len(shifts) == 1 and shifts[0] is not None:
+        dx, dy = shifts[0]
         pushed = replace(pose, x_um=pose.x_um + dx, y_um=pose.y_um + dy)
         return pushed, math.hypot(dx, dy)
-    if all(shift == (0.0, 0.0) for shift in held_in):
+    if all(shift == (0.0, 0.0) for shift in shifts):
         return pose, 0.0
-    pairs = [
-        (
-            hole.ring.corners_um,
-            moved(post.ring.corners_um, _relative(truth, body, host)),
-        )
-        for host, post, hole in threaded
+    holes = [body.holes[hole].ring for _, _, hole in threaded]
+    pegs = [
+        moved(post.ring.corners_um, _relative(truth, body, host))
+        for host, post, _ in threaded
     ]
-    middle = np.mean([hole.ring.center_um for _, _, hole in threaded], axis=0)
+    pairs = [(ring.corners_um, peg) for ring, peg in zip(holes, pegs, strict=True)]
+    middle = np.mean([ring.center_um for ring in holes], axis=0)
     center = (float(middle[0]), float(middle[1]))
     reach_um = math.sqrt(float(((body.edge - middle) ** 2).sum(axis=1).mean()))
     motion = smallest_motion(pairs, center, reach_um)
@@ -226,18 +231,22 @@ def _pushed(
     return pose.compose(motion.inverse()), push_um
 
 
-def _shift(truth: Truth, pose: Pose, threaded: _Threaded) -> tuple[float, float] | None:
-    """Return the shift of a part that the centres tell alone; None if they do not."""
-    host, post, hole = threaded
-    x, y = pose.apply(*hole.ring.center_um)
+def _shift(
+    truth: Truth, body: TrueBody, threaded: _Threaded
+) -> tuple[float, float] | None:
+    """Return the shift that a post alone asks for; None if that takes its outline."""
+    host, post, number = threaded
+    hole = body.holes[number].ring
+    x, y = truth.pose(body).apply(*hole.center_um)
     px, py = truth.pose(host).apply(*post.ring.center_um)
     off_um = math.hypot(x - px, y - py)
-    if decided(hole.ring, post.ring, off_um):
+    if decided(hole, post.ring, off_um):
         return (0.0, 0.0)
-    if hole.ring.round_um is None or post.ring.round_um is None:
-        return None
-    push_um = off_um - max(hole.ring.round_um - post.ring.round_um, 0.0)
-    return (push_um * (px - x) / off_um, push_um * (py - y) / off_um)
+    if hole.round_um is None or post.ring.round_um is None:
+        return (0.0, 0.0) if _is_over(truth, body, number, host, post) else None
+    push_um = off_um - max(hole.round_um - post.ring.round_um, 0.0)
+    share = push_um / off_um if off_um > 0 else 0.0
+    return (share * (px - x), share * (py - y))
 
 
 def _meet_plates(truth: Truth, body: TrueBody) -> None:

@@ -37,7 +37,6 @@ def close_jaws(truth: Truth, opening_um: float) -> None:
         inner = Pose(x_um=-(low + high) / 2, y_um=y_um, theta_rad=theta_rad)
         truth.carry(body, "robot", grip.compose(inner), under)
         truth.held, truth.stuck, truth.opening_um = name, False, high - low
-        body.on_posts.clear()
         return
 
 

@@ -185,6 +185,22 @@ def test_a_post_that_is_too_large_for_its_hole_is_bent() -> None:
     assert found.truth.collided == "shaft_plate.post was bent by gear"
 
 
+def test_a_seated_part_is_grasped_and_lifted_off_its_post() -> None:
+    """It stays on its post as the jaws close, and leaves it above."""
+    found = pair(d_shape(33.0, 20.0), d_shape(30.0, 18.0))
+    body = gear(found)
+    assemble(found)
+    assert body.on_posts == {"shaft_plate.post": 0}
+    found.robot.move(x_um=0.0, y_um=0.0)
+    found.robot.move(z_um=30.0)
+    found.jaws.move(96.0)
+    assert found.truth.held == "gear"
+    assert body.on_posts == {"shaft_plate.post": 0}
+    found.stage.move(z_um=-260.0)
+    assert body.on_posts == {}
+    assert found.truth.collided == ""
+
+
 def two_pins(apart_um: float) -> Cell:
     """Return a cell with two round posts 40 um apart and two holes `apart_um` apart."""
     hole, post = as_hole(circle(12.0).edges), circle(10.0).edges
