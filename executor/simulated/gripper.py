@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from microplan.executor.simulated.contact import drop, lean, touch
-from microplan.executor.simulated.shapes import extent_x, moved
+from microplan.executor.simulated.outlines.crossing import moved
+from microplan.executor.simulated.shapes import extent_x
 from microplan.executor.simulated.timeline import DelayedDevice, DeviceFaults, Timeline
 from microplan.executor.simulated.truth import TrueBody, Truth
 from microplan.schemas.pose import Pose
@@ -36,7 +37,6 @@ def close_jaws(truth: Truth, opening_um: float) -> None:
         inner = Pose(x_um=-(low + high) / 2, y_um=y_um, theta_rad=theta_rad)
         truth.carry(body, "robot", grip.compose(inner), under)
         truth.held, truth.stuck, truth.opening_um = name, False, high - low
-        body.on_post = ""
         return
 
 

@@ -20,7 +20,7 @@ from microplan.executor.simulated.cell import Cell
 from microplan.schemas.codec import from_data, to_data
 from microplan.schemas.pose import Pose
 
-FORMAT = 1
+FORMAT = 2
 _DAY_S = 86400.0  # what axes, jaws and lens do takes seconds
 _LATEST_S = 1e9  # thirty years; far below where adding a poll changes nothing
 _OF_TRUTH = ("opening_um", "held", "stuck", "pushed_um", "collided")  # kept as it is
@@ -95,7 +95,7 @@ def state_of(cell: Cell) -> dict[str, Any]:
                 "carrier": body.carrier,
                 "pose": asdict(body.pose),
                 "z_um": body.z_um,
-                "on_post": body.on_post,
+                "on_posts": dict(body.on_posts),
             }
             for name, body in truth.bodies.items()
         },
@@ -112,7 +112,7 @@ def restore(cell: Cell, data: dict[str, Any]) -> None:
     for name, body in truth.bodies.items():
         was = data["bodies"][name]
         body.carrier, body.pose = was["carrier"], from_data(Pose, was["pose"])
-        body.z_um, body.on_post = was["z_um"], was["on_post"]
+        body.z_um, body.on_posts = was["z_um"], dict(was["on_posts"])
     for name in _OF_TRUTH:
         setattr(truth, name, data[name])
     for name, device in _devices(cell).items():
@@ -128,6 +128,9 @@ def _check(cell: Cell) -> None:
     known = truth.held in ("", *truth.bodies) and isinstance(truth.collided, str)
     if not known or any(body.carrier not in ("stage", "robot") for body in bodies):
         raise ValueError("it tells of what is not in the world")
+    for body in bodies:
+        if not all(i in range(len(body.holes)) for i in body.on_posts.values()):
+            raise ValueError("a post is in no hole of the world")
     numbers = (truth.opening_um, truth.pushed_um, *(body.z_um for body in bodies))
     if not all(math.isfinite(number) for number in numbers):
         raise ValueError("a number is not finite")

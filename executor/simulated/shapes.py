@@ -1,15 +1,23 @@
-"""Outlines of the simulated world with the plain geometry of contact."""
+"""Outlines of the simulated world as fabricated, and their extent."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from microplan.arrays import FloatArray
+from microplan.executor.simulated.outlines.crossing import enclosed
+from microplan.executor.simulated.outlines.fabricated import (
+    FabricatedRing,
+    fabricated_ring,
+)
+from microplan.executor.simulated.outlines.flattening import (
+    area_um2,
+    drawn_area_um2,
+    polygon,
+)
 from microplan.optics.outline.outline import (
     JOIN_UM,
     Arc,
@@ -17,76 +25,80 @@ from microplan.optics.outline.outline import (
     Outline,
     Ring,
     Segment,
-    flatten,
 )
 from microplan.schemas.files.world import WorldHole, WorldOutline, WorldPost, WorldRing
-from microplan.schemas.pose import Pose
 
-CHORD_UM = 0.02  # sagitta of flattened arcs: well below any clearance judged here
 ROUNDED_UM = 0.05  # six digits of 2e4 um, the length of a finger
 ROUNDED_RAD = 1e-5  # six digits of 2 pi
 SPACING_UM = 2.0  # of boundary points in overlap tests: finer than any part's features
 
-
-def outline_of(shape: WorldOutline) -> Outline:
-    """Return the drawn outline, arcs kept."""
-    return Outline(rings=tuple(_ring(ring) for ring in shape.rings))
+Fabricated = Mapping[int, FabricatedRing | None]  # by the ring's number; None: vanished
 
 
-def with_holes(outline: Outline, made: Iterable[tuple[WorldHole, float]]) -> Outline:
-    """Return a part's outline with every hole grown by its own edge offset, um."""
-    rings = list(outline.rings)
-    for hole, offset_um in made:
-        for i, ring in enumerate(rings):
-            if any(_is_rim(edge, hole) for edge in ring.edges):
-                rings[i] = _grown(ring, hole.center_um, 1 + offset_um / hole.radius_um)
+def outline_of(shape: WorldOutline, made: Fabricated | None = None) -> Outline:
+    """Return an outline with arcs, its fabricated rings in place of drawn ones."""
+    rings = []
+    for i, ring in enumerate(shape.rings):
+        if made is None or i not in made:
+            rings.append(_ring(ring))
+        elif (found := made[i]) is not None:
+            rings.append(_fabricated(found, hole=is_hole(ring), layer=ring.layer))
     return Outline(rings=tuple(rings))
 
 
-def made_post(post: WorldPost, offset_um: float) -> Outline:
-    """Return a post's outline grown by its edge offset, um."""
-    outline, ratio = outline_of(post.outline), 1 + offset_um / post.radius_um
-    return Outline(rings=tuple(_grown(r, post.center_um, ratio) for r in outline.rings))
+def is_hole(ring: WorldRing) -> bool:
+    """Return whether a ring bounds a hole: it turns clockwise."""
+    return drawn_area_um2(ring.edges) < 0
 
 
-def boundary(outline: Outline) -> FloatArray:
-    """Return points on all rings, at most SPACING_UM apart, (N, 2) um."""
+def polygons(
+    shape: WorldOutline, made: Fabricated | None = None
+) -> tuple[FloatArray, ...]:
+    """Return the rings as counter-clockwise polygons, (N, 2) um each."""
+    rings = []
+    for i, ring in enumerate(shape.rings):
+        if made is None or i not in made:
+            rings.append(polygon(ring.edges, larger=not is_hole(ring)))
+        elif (found := made[i]) is not None:
+            rings.append(found.corners_um)
+    return tuple(rings)
+
+
+def made_post(post: WorldPost, offset_um: float) -> tuple[int, Fabricated]:
+    """Return a post's rings with more material all around, and its outermost one."""
+    made: dict[int, FabricatedRing | None] = {}
+    for i, ring in enumerate(post.outline.rings):
+        hole = is_hole(ring)
+        by_um = -offset_um if hole else offset_um
+        made[i] = fabricated_ring(ring.edges, by_um, post=not hole)
+    areas = [drawn_area_um2(ring.edges) for ring in post.outline.rings]
+    return int(np.argmax(areas)), made
+
+
+def ring_of(hole: WorldHole, shape: WorldOutline) -> int | None:
+    """Return the number of the ring that a named hole is, None if it is none's.
+
+    It has an arc on the hole's circle; else it is the smallest one about its centre.
+    """
+    holes = [i for i, ring in enumerate(shape.rings) if is_hole(ring)]
+    for i in holes:
+        if any(_is_rim(edge, hole) for edge in shape.rings[i].edges):
+            return i
+    corners = {i: polygon(shape.rings[i].edges, larger=False) for i in holes}
+    around = [i for i in holes if enclosed(np.array([hole.center_um]), corners[i])[0]]
+    return min(around, key=lambda i: area_um2(corners[i]), default=None)
+
+
+def boundary(rings: tuple[FloatArray, ...]) -> FloatArray:
+    """Return points on all (N, 2) um rings, at most SPACING_UM apart, (K, 2) um."""
     points = []
-    for ring in outline.rings:
-        corners = flatten(ring, CHORD_UM)
+    for corners in rings:
         ends = np.roll(corners, -1, axis=0)
         for start, end in zip(corners, ends, strict=True):
             count = max(1, math.ceil(float(np.hypot(*(end - start))) / SPACING_UM))
             share = np.arange(count)[:, None] / count
             points.append(start + share * (end - start))
     return np.concatenate(points)
-
-
-def polygons(outline: Outline) -> tuple[FloatArray, ...]:
-    """Return the rings as polygons, (N, 2) um each."""
-    return tuple(flatten(ring, CHORD_UM) for ring in outline.rings)
-
-
-def inside(points: FloatArray, rings: Iterable[FloatArray]) -> npt.NDArray[np.bool_]:
-    """Return which (N, 2) um points lie in (M, 2) um `rings`, even-odd, (N,) bool."""
-    odd = np.zeros(len(points), dtype=bool)
-    x, y = points[:, :1], points[:, 1:]
-    for ring in rings:
-        x0, y0 = ring[:, 0], ring[:, 1]
-        x1, y1 = np.roll(x0, -1), np.roll(y0, -1)
-        spans = (y0 > y) != (y1 > y)
-        rise = np.where(y1 == y0, 1.0, y1 - y0)  # flat edges never span
-        crosses = spans & (x < x0 + (y - y0) * (x1 - x0) / rise)
-        odd = odd ^ (np.count_nonzero(crosses, axis=1) % 2 == 1)
-    return odd
-
-
-def moved(points: FloatArray, pose: Pose) -> FloatArray:
-    """Rotate, then shift; (N, 2) um to (N, 2) um."""
-    c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-    turn = np.array([[c, s], [-s, c]])
-    there: FloatArray = points @ turn + np.array([pose.x_um, pose.y_um])
-    return there
 
 
 def extent_x(points: FloatArray, theta_rad: float) -> tuple[float, float]:
@@ -123,27 +135,25 @@ def _edge(numbers: tuple[float, ...]) -> Edge:
     return Arc(center=(x, y), radius_um=radius, start_rad=start, sweep_rad=sweep)
 
 
-def _is_rim(edge: Edge, hole: WorldHole) -> bool:
+def _is_rim(edge: tuple[float, ...], hole: WorldHole) -> bool:
     """Return whether an edge is part of the hole's circle, to drawing accuracy."""
     return (
-        isinstance(edge, Arc)
-        and math.dist(edge.center, hole.center_um) < 0.01
-        and abs(edge.radius_um - hole.radius_um) < 0.01
+        len(edge) == 5
+        and math.dist(edge[:2], hole.center_um) < 0.01
+        and abs(edge[2] - hole.radius_um) < 0.01
     )
 
 
-def _grown(ring: Ring, center: tuple[float, float], ratio: float) -> Ring:
-    """Return a ring scaled about `center`."""
-    cx, cy = center
-
-    def out(point: tuple[float, float]) -> tuple[float, float]:
-        return (cx + ratio * (point[0] - cx), cy + ratio * (point[1] - cy))
-
-    edges: list[Edge] = []
-    for edge in ring.edges:
-        if isinstance(edge, Segment):
-            edges.append(Segment(start=out(edge.start), end=out(edge.end)))
-            continue
-        radius_um = edge.radius_um * ratio
-        edges.append(replace(edge, center=out(edge.center), radius_um=radius_um))
-    return Ring(edges=tuple(edges), layer=ring.layer)
+def _fabricated(made: FabricatedRing, *, hole: bool, layer: str) -> Ring:
+    """Return a fabricated ring as edges, in the sense of its kind."""
+    sense = -1 if hole else 1
+    if made.round_um is not None:
+        circle = Arc(
+            center=made.center_um, radius_um=made.round_um, start_rad=0.0,
+            sweep_rad=sense * math.tau,
+        )  # fmt: skip
+        return Ring(edges=(circle,), layer=layer)
+    corners = [(float(x), float(y)) for x, y in made.corners_um[::sense]]
+    ends = corners[1:] + corners[:1]
+    edges = (Segment(start=a, end=b) for a, b in zip(corners, ends, strict=True))
+    return Ring(edges=tuple(edges), layer=layer)

@@ -10,17 +10,24 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.safety import AXES
+from microplan.executor.simulated.outlines.containment import PoseAnswer
+from microplan.executor.simulated.outlines.fabricated import (
+    FabricatedRing,
+    fabricated_ring,
+)
 from microplan.executor.simulated.shapes import (
     boundary,
+    is_hole,
     made_post,
     outline_of,
     polygons,
-    with_holes,
+    ring_of,
 )
 from microplan.optics.outline.outline import Outline
 from microplan.schemas.files.world import (
     World,
     WorldAxes,
+    WorldHole,
     WorldPart,
     WorldPost,
     WorldTool,
@@ -34,8 +41,9 @@ def made_truth(
 ) -> Truth:
     """Return the world as it was made and laid out this time."""
     bodies = {}
+    rims = rng["profile"].spawn(1)[0]  # moves nothing in the stream itself
     for part in world.parts:
-        body = _body(part, rng)
+        body = _body(part, rng, rims)
         if not (missing and not part.posts):
             bodies[part.name] = body
     tilt = world.stage_tilt_sigma_rad * rng["tilt"].standard_normal(2)
@@ -52,7 +60,8 @@ def made_truth(
     )
     if truth.tool is not None:
         truth.fingers = (outline_of(truth.tool.left), outline_of(truth.tool.right))
-        truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
+        drawn = (truth.tool.left, truth.tool.right)
+        truth.finger_rings = tuple(polygons(shape)[0] for shape in drawn)
         truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
         truth.opening_um = truth.tool.start_opening_um
     return truth
@@ -73,22 +82,26 @@ def repeatability(spec: WorldAxes) -> tuple[float, float, float, float]:
     return (xy_um, xy_um, z_um, spec.repeatability_theta_rad)
 
 
-def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
+def _body(
+    part: WorldPart, rng: Mapping[str, np.random.Generator], rims: np.random.Generator
+) -> TrueBody:
     """Return a part with its edge offsets, where it was laid down."""
-    limit = part.profile_tolerance_um
-    made = [(h, float(rng["profile"].uniform(-limit, limit))) for h in part.holes]
+    holes = _holes(part, rng["profile"], rims)
     dx, dy, turn = rng["start"].standard_normal(3)
     theta = part.start.theta_rad + part.sigma_theta_rad * turn
     anywhere = rng["start"].uniform(-math.pi, math.pi)
-    outline = with_holes(outline_of(part.outline), made)
-    edge = boundary(outline)
+    made = {i: None if h is None else h.ring for i, h in holes.items()}
+    drawn = [i for i, h in holes.items() if h is not None and h.offset_um == 0]
+    shown = {i: ring for i, ring in made.items() if i not in drawn}  # arcs stay arcs
+    rings = polygons(part.outline, made)
+    edge = boundary(rings)
     return TrueBody(
         part=part,
-        outline=outline,
-        hole_radius_um={hole.name: hole.radius_um + offset for hole, offset in made},
+        outline=outline_of(part.outline, shown),
+        holes=tuple(hole for hole in holes.values() if hole is not None),
         posts=tuple(_post(post, rng["profile"]) for post in part.posts),
         edge=edge,
-        rings=polygons(outline),
+        rings=rings,
         reach_um=float(np.hypot(*edge.T).max()),
         carrier="stage",
         z_um=0.0,
@@ -100,21 +113,65 @@ def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
     )
 
 
+def _holes(
+    part: WorldPart, rng: np.random.Generator, rims: np.random.Generator
+) -> dict[int, TrueHole | None]:
+    """Return every hole by its ring's number; None if its offset closed it.
+
+    Named holes draw from `rng`, in order; all others from `rims`.
+    """
+    limit = part.profile_tolerance_um
+    drawn = [(hole, float(rng.uniform(-limit, limit))) for hole in part.holes]
+    named = {ring_of(hole, part.outline): (hole, off) for hole, off in drawn}
+    found: dict[int, TrueHole | None] = {}
+    for i, ring in enumerate(part.outline.rings):
+        if not is_hole(ring):
+            continue
+        hole, offset_um = named.get(i) or (None, float(rims.uniform(-limit, limit)))
+        made = fabricated_ring(ring.edges, offset_um, post=False)
+        found[i] = None if made is None else _hole(hole, made, offset_um)
+    return found
+
+
+def _hole(hole: WorldHole | None, made: FabricatedRing, offset_um: float) -> TrueHole:
+    """Return a hole; one that nothing names has the centre of its ring."""
+    return TrueHole(
+        name="" if hole is None else hole.name,
+        center_um=made.center_um if hole is None else hole.center_um,
+        offset_um=offset_um,
+        ring=made,
+    )
+
+
 def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
     """Return a post with its edge offset."""
     limit = post.profile_tolerance_um
     offset_um = float(rng.uniform(-limit, limit))
-    outline = made_post(post, offset_um)
+    outermost, made = made_post(post, offset_um)
+    ring = made[outermost]
+    if ring is None:
+        raise ValueError(f"{post.name} is thinner than its profile tolerance")
     return TruePost(
         name=post.name,
-        outline=outline,
+        outline=outline_of(post.outline, made if offset_um else None),
         center_um=post.center_um,
-        radius_um=post.radius_um + offset_um,
+        offset_um=offset_um,
+        ring=ring,
         height_um=post.height_um,
         reflectance=post.reflectance,
-        edge=boundary(outline),
-        rings=polygons(outline),
+        rings=polygons(post.outline, made),
+        edge=boundary(polygons(post.outline, made)),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueHole:
+    """A hole as it was made, in its part's frame."""
+
+    name: str  # as in the task; "" for a ring that nothing names
+    center_um: tuple[float, float]  # as drawn
+    offset_um: float  # of its edges, along their normals; positive: larger
+    ring: FabricatedRing
 
 
 @dataclass(slots=True, kw_only=True)
@@ -123,8 +180,9 @@ class TruePost:
 
     name: str
     outline: Outline
-    center_um: tuple[float, float]
-    radius_um: float
+    center_um: tuple[float, float]  # as drawn
+    offset_um: float  # of its edges, along their normals; positive: larger
+    ring: FabricatedRing  # the outermost
     height_um: float
     reflectance: float
     edge: FloatArray  # boundary points
@@ -137,7 +195,7 @@ class TrueBody:
 
     part: WorldPart
     outline: Outline
-    hole_radius_um: dict[str, float]
+    holes: tuple[TrueHole, ...]
     posts: tuple[TruePost, ...]
     edge: FloatArray  # boundary points in the part's frame
     rings: tuple[FloatArray, ...]
@@ -145,7 +203,9 @@ class TrueBody:
     carrier: AxesName
     pose: Pose  # in the carrier's frame
     z_um: float  # underside above the carrier: stage surface, or the fingers' underside
-    on_post: str = ""  # the post that is in one of its holes
+    on_posts: dict[str, int] = field(default_factory=dict)  # post to the hole it is in
+    # the last ones about a post and a hole of it: they save time and change nothing
+    answers: dict[tuple[str, int], PoseAnswer] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)
