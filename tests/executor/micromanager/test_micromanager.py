@@ -274,8 +274,14 @@ def test_a_configuration_of_micro_manager_is_loaded() -> None:
 ENDS = {
     "moving": "found.stage.start(x_um=499.0, z_um=200.0)",
     "called": """
-import threading
-threading.Thread(target=found.core.snapImage, daemon=True).start()
+import contextlib, threading
+begun = threading.Event()
+def snap():
+    begun.set()
+    with contextlib.suppress(RuntimeError):  # Python may have ended before the call
+        found.core.snapImage()
+threading.Thread(target=snap, daemon=True).start()
+begun.wait()
 found.stage.start(x_um=499.0, speed_um_per_s=10.0)
 """,
     "closed": "found.stage.start(x_um=499.0)\nfound.close()\nfound.close()",

@@ -16,6 +16,7 @@ from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
 )
+from microplan.featuresel.trials.chains import principle
 from microplan.featuresel.trials.score import ChainScore
 from microplan.schemas import plan as p
 
@@ -87,7 +88,8 @@ def a_score(told: p.Score) -> ChainScore:
     """Return a score as the plan has it; biases of angles are not in plans."""
     turned = told.sigma_theta_rad is not None
     return ChainScore(
-        chain=told.chain, trials=told.trials, success=told.success,
+        chain=told.chain, principle=principle(told.chain),
+        trials=told.trials, success=told.success,
         success_lower=told.success_lower, silent=told.silent,
         silent_upper=told.silent_upper, failures=(), bias_um=told.bias_um,
         sigma_um=told.sigma_um, worst_um=told.worst_um,
