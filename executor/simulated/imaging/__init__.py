@@ -1,0 +1,9 @@
+"""Images of solid bodies: rays through prisms, diffraction in focus, sensor noise.
+
+In: `SolidScene` (solid_scene), `ImagingView` (imaging_view), a `PixelWindow`.
+Out: `photograph` (photograph): share of full scale; `counted` (electrons): counts.
+The type that passes: `SolidScene`; inside, `RayFan` (marching).
+May be touched here: all of it, but never by what the compiler renders with: this camera
+judges the compiler's images and shares neither code nor formulas with it.
+Watched by: tests/executor/simulated/imaging/test_photograph.py.
+"""

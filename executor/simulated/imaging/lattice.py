@@ -1,0 +1,135 @@
+"""Lattices of points on which smooth pictures are computed and interpolated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from microplan.arrays import BoolArray, Box, FloatArray
+
+
+_Reals = TypeVar("_Reals", npt.NDArray[np.float64], npt.NDArray[np.float32])
+
+FILLED = 4  # rounds of unknown points next to known ones
+
+
+@dataclass(frozen=True, eq=False)
+class PointLattice:
+    """Points at x_um[0] + i spacing, y_um[0] + j spacing."""
+
+    x_um: FloatArray  # (columns,)
+    y_um: FloatArray  # (rows,)
+    spacing_um: float
+
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """Return all points, row by row, (rows * columns,) each."""
+        x, y = np.meshgrid(self.x_um, self.y_um)
+        return x.ravel(), y.ravel()
+
+    def smooth(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return (rows, columns) values interpolated onto a grid, (len(y), len(x))."""
+        across = _cubic((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
+        down = _cubic((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
+        grid: FloatArray = down @ values @ across.T
+        return grid
+
+    def smooth_at(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return (rows, columns) values interpolated at points nearly on a grid.
+
+        `x`, `y` : (M, N) float arrays whose rows and columns are all but straight;
+        what they deviate from the grid's mean is followed along the slope.
+        """
+        mean_x, mean_y = x.mean(axis=0), y.mean(axis=1)
+        grid = self.smooth(values, mean_x, mean_y)
+        away_x, away_y = x - mean_x, y - mean_y[:, None]
+        if not (np.any(away_x) or np.any(away_y)):
+            return grid
+        down, across = np.gradient(grid, mean_y, mean_x)
+        followed: FloatArray = grid + away_x * across + away_y * down
+        return followed
+
+    def corners(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
+        """Return column, row and shares of the cell that holds each point."""
+        u = np.clip((x - self.x_um[0]) / self.spacing_um, 0, len(self.x_um) - 1.001)
+        v = np.clip((y - self.y_um[0]) / self.spacing_um, 0, len(self.y_um) - 1.001)
+        column, row = u.astype(np.int32), v.astype(np.int32)
+        return column, row, u - column, v - row
+
+    def at(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return (rows, columns) values between four points, at (N,) points."""
+        column, row, u, v = self.corners(x, y)
+        first = (1 - u) * values[row, column] + u * values[row, column + 1]
+        after = (1 - u) * values[row + 1, column] + u * values[row + 1, column + 1]
+        mixed: FloatArray = (1 - v) * first + v * after
+        return mixed
+
+    def used(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Return which points `at` reads for these places, (rows, columns) bool."""
+        column, row, _, _ = self.corners(x, y)
+        used = np.zeros((len(self.y_um), len(self.x_um)), dtype=bool)
+        for down in (0, 1):
+            for across in (0, 1):
+                used[row + down, column + across] = True
+        return used
+
+
+def lattice_over(box: Box, spacing_um: float) -> PointLattice:
+    """Return a lattice that reaches two points beyond a box."""
+    x0, y0, x1, y1 = box
+    x, y = (
+        low + spacing_um * (np.arange(math.ceil((high - low) / spacing_um) + 5) - 2)
+        for low, high in ((x0, x1), (y0, y1))
+    )
+    return PointLattice(x, y, spacing_um)
+
+
+def filled(values: _Reals, known: BoolArray) -> _Reals:
+    """Return (rows, columns, ...) values, unknown ones from their known neighbours."""
+    known = known.copy()
+    if not known.any() or known.all():
+        return values
+    mean = values[known].mean(axis=0)
+    wide = known.reshape(known.shape + (1,) * (values.ndim - 2))
+    values = np.where(wide, values, np.zeros_like(values))
+    rows, columns = known.shape
+    for _ in range(FILLED):
+        there = np.pad(known, 1)
+        sides = [(0, 1), (2, 1), (1, 0), (1, 2), (0, 0), (0, 2), (2, 0), (2, 2)]
+        found = [there[i : i + rows, j : j + columns] for i, j in sides]
+        count = np.sum(found, axis=0)
+        row, column = np.nonzero(~known & (count > 0))
+        total = np.zeros((len(row), *values.shape[2:]), dtype=values.dtype)
+        for i, j in sides:
+            r, c = row + i - 1, column + j - 1
+            inside = (r >= 0) & (r < rows) & (c >= 0) & (c < columns)
+            total[inside] += values[r[inside], c[inside]]
+        share = count[row, column].reshape((-1,) + (1,) * (values.ndim - 2))
+        values[row, column] = (total / share).astype(values.dtype)
+        known[row, column] = True
+    values[~known] = mean
+    return values
+
+
+def _cubic(at: FloatArray, count: int) -> FloatArray:
+    """Return weights of `count` points for Catmull-Rom interpolation, (len(at), count).
+
+    Two points are needed beyond each end; farther out the ends hold on.
+    """
+    at = np.clip(at, 1, count - 2 - 1e-6)
+    first = np.floor(at).astype(int)
+    t = (at - first)[:, None]
+    parts = np.hstack([
+        -t + 2 * t**2 - t**3,
+        2 - 5 * t**2 + 3 * t**3,
+        t + 4 * t**2 - 3 * t**3,
+        -(t**2) + t**3,
+    ])  # fmt: skip
+    weights = np.zeros((len(at), count))
+    rows = np.arange(len(at))
+    for k in range(4):
+        weights[rows, first + k - 1] += parts[:, k] / 2
+    return weights
