@@ -1,7 +1,8 @@
 """Images of solid bodies: rays through prisms, diffraction in focus, sensor noise.
 
 In: `SolidScene` (solid_scene), `ImagingView` (imaging_view), a `PixelWindow`.
-Out: `photograph` (photograph): share of full scale; `counted` (electrons): counts.
+Out: `photograph(scene, view, window)` (photograph): share of full scale, a float array
+(rows, columns); `counted` (electrons): what the converter makes of it.
 The type that passes: `SolidScene`; inside, `RayFan` (marching).
 May be touched here: all of it, but never by what the compiler renders with: this camera
 judges the compiler's images and shares neither code nor formulas with it.

@@ -28,8 +28,9 @@ from microplan.executor.simulated.imaging.solid_scene import MappedBody
 THIN_UM = 0.3  # a beam's least width: of the order of a map's error
 STEP_SHARE = 0.8  # of the free way; a beam's side comes nearer than its middle
 LEAST_UM = 0.3  # step, at least
-WIDTH_SHARE = 0.2  # of the beam's width, a step at least
+WIDTH_SHARE = 0.3  # of the beam's width, a step at least
 MOST_STEPS = 120
+KEPT_SHARE = 0.7  # rays that have arrived are put aside when they are many
 
 
 @dataclass(eq=False)
@@ -112,6 +113,8 @@ def pass_up(
     levels = {b.top_um for b in solids.bodies} | {b.bottom_um for b in solids.bodies}
     between = sorted(z for z in levels if z > from_um)
     bent = beams.rays.pick(slice(0))
+    if not between:
+        return beams, bent
     for low, high in zip([from_um, *between[:-1]], between, strict=True):
         if low > from_um:
             for i, body in enumerate(solids.bodies):
@@ -185,7 +188,9 @@ def _slab(
         first[sooner], by[sooner] = entered[sooner], i
     for i, wall in walls:
         if wall.body.wall_reflectance > 0:
-            made += list(_mirror(beams, height_um, walls, i, np.flatnonzero(by == i), first))
+            made += list(
+                _mirror(beams, height_um, walls, i, np.flatnonzero(by == i), first)
+            )
     for i, ratio in ratios.items():
         _hide(beams, i, ratio)
     moved = Beams(
@@ -229,7 +234,9 @@ def _least_ratio(
             break
         step = np.maximum(
             np.float32(STEP_SHARE) * np.abs(away),
-            np.maximum(np.float32(LEAST_UM), np.float32(WIDTH_SHARE) * (wide + grow * done)),
+            np.maximum(
+                np.float32(LEAST_UM), np.float32(WIDTH_SHARE) * (wide + grow * done)
+            ),
         )
         step = np.minimum(step / v, np.float32(height_um) - done)
         x, y, done = x + step * sx, y + step * sy, done + step
@@ -241,13 +248,12 @@ def _least_ratio(
             entered[at] = np.minimum(entered[at], done.take(new))
         left = np.float32(height_um) - done
         going = (left > 1e-4) & (low > -0.5) & (away < v * left + np.float32(most))
-        if not going.all():
+        if np.count_nonzero(going) < KEPT_SHARE * len(going):
             stop = np.flatnonzero(~going)
             least[near.take(stop)] = low.take(stop)
             keep = np.flatnonzero(going)
             near, x, y, sx, sy, v, done, away, low, outside = (
-                a.take(keep)
-                for a in (near, x, y, sx, sy, v, done, away, low, outside)
+                a.take(keep) for a in (near, x, y, sx, sy, v, done, away, low, outside)
             )
     least[near] = low
     return least, entered

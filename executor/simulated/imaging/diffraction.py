@@ -9,6 +9,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.imaging.imaging_view import ImagingView
 
+LEAST_TILE_UM = 90.0  # at A = .42 the pupil is 63 cells wide to each side
 TAPS = 8  # of the interpolation between fine samples
 KAISER = 6.0  # of its window: 1e-4 at the band of a fine grid
 
@@ -62,15 +63,31 @@ def blurred(
         As in `point_spread`; the view's pixels integrate over their area.
     """
     rows, columns = plane.shape
-    transfer = np.fft.rfft2(point_spread((rows, columns), step_um, view, defocus_um))
+    transfer = _transfer((rows, columns), step_um, view, defocus_um)
     down = np.fft.fftfreq(rows, step_um)[:, None]
     across = np.fft.rfftfreq(columns, step_um)
     side_um = math.sqrt(view.fill_factor) / view.px_per_um
     pixel = np.sinc(down * side_um) * np.sinc(across * side_um)
     # edges were drawn as ramps one step wide: undone inside the lens' band
     drawn = np.sinc(np.minimum(np.hypot(down, across) * step_um, 0.6))
-    seen = np.fft.rfft2(plane) * transfer.real * (pixel / drawn)
+    seen = np.fft.rfft2(plane) * transfer * (pixel / drawn)
     return np.fft.irfft2(seen, s=(rows, columns))
+
+
+def _transfer(
+    shape: tuple[int, int], step_um: float, view: ImagingView, defocus_um: float
+) -> FloatArray:
+    """Return the transfer function on a tile's frequencies, from a tile large enough.
+
+    The wave of a point is as periodic as its tile: it is taken from one on which it has
+    faded, and its intensity then folded.
+    """
+    times = [max(1, math.ceil(LEAST_TILE_UM / (count * step_um))) for count in shape]
+    wide = (shape[0] * times[0], shape[1] * times[1])
+    spread = point_spread(wide, step_um, view, defocus_um)
+    folded = spread.reshape(times[0], shape[0], times[1], shape[1]).sum(axis=(0, 2))
+    transfer: FloatArray = np.fft.rfft2(folded).real
+    return transfer
 
 
 def between(image: FloatArray, column: FloatArray, row: FloatArray) -> FloatArray:

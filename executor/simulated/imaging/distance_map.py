@@ -16,9 +16,9 @@ from microplan.executor.simulated.imaging.plane_outline import (
 )
 
 PITCH_UM = 0.2  # of a small body's map
-MOST_CELLS = 900  # along the longer side, before the pitch grows
+MOST_CELLS = 1600  # along the longer side, before the pitch grows
 MARGIN_UM = 12.0  # round the outline; a ray farther away makes more steps
-NEAREST_UM = 0.3  # a coarser map is interpolated
+NEAREST_UM = 0.5  # a coarser map is interpolated
 CHUNK = 1 << 18  # cells at once
 
 Reals = npt.NDArray[np.floating]

@@ -11,6 +11,7 @@ from microplan.executor.simulated.imaging.lattice import (
     PointLattice,
     filled,
     lattice_over,
+    widened,
 )
 from microplan.executor.simulated.imaging.marching import (
     STAGE,
@@ -27,6 +28,7 @@ from microplan.executor.simulated.imaging.pupil_rays import (
 from microplan.executor.simulated.imaging.regions import moved_outside
 
 MOST_RAYS = 1 << 20  # at once
+FINER = 4  # points between two of a shading's lattice: read along straight lines
 
 
 class FaceLight:
@@ -117,6 +119,8 @@ class _ShadeMap:
             )
         )
         self._lattice: PointLattice = lattice_over(box, spacing)
+        self._fine = self._lattice.finer(FINER)
+        self._smooth = np.zeros((len(self._fine.y_um), len(self._fine.x_um)))
         shape = (len(self._lattice.y_um), len(self._lattice.x_um))
         self._values, self._asked = np.zeros(shape), np.zeros(shape, dtype=bool)
         self._good = np.zeros(shape, dtype=bool)
@@ -124,11 +128,16 @@ class _ShadeMap:
     def at(self, x: Reals32, y: Reals32) -> FloatArray:
         """Return shares at points, (N,)."""
         used = self._lattice.used(x, y)
-        new = used & ~self._asked
+        # the cubic reads one point more to each side than a cell's corners
+        new = widened(used) & ~self._asked
         if new.any():
             self._compute(new)
             self._asked |= new
-        return self._lattice.at(filled(self._values, self._good), x, y)
+            values = filled(self._values, self._good)
+            self._smooth = self._lattice.smooth(
+                values, self._fine.x_um, self._fine.y_um
+            )
+        return self._fine.at(self._smooth, x, y)
 
     def _compute(self, new: BoolArray) -> None:
         """Compute the points of a (rows, columns) mask."""

@@ -52,6 +52,15 @@ class PointLattice:
         followed: FloatArray = grid + away_x * across + away_y * down
         return followed
 
+    def finer(self, factor: int) -> PointLattice:
+        """Return a lattice over the same range with more points."""
+        spacing = self.spacing_um / factor
+        x, y = (
+            along[0] + spacing * np.arange(factor * (len(along) - 1) + 1)
+            for along in (self.x_um, self.y_um)
+        )
+        return PointLattice(x, y, spacing)
+
     def corners(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
         """Return column, row and shares of the cell that holds each point."""
         u = np.clip((x - self.x_um[0]) / self.spacing_um, 0, len(self.x_um) - 1.001)
@@ -85,6 +94,16 @@ def lattice_over(box: Box, spacing_um: float) -> PointLattice:
         for low, high in ((x0, x1), (y0, y1))
     )
     return PointLattice(x, y, spacing_um)
+
+
+def widened(mask: BoolArray) -> BoolArray:
+    """Return a mask with the eight neighbours of each point."""
+    rows, columns = mask.shape
+    padded, wide = np.pad(mask, 1), mask.copy()
+    for i in range(3):
+        for j in range(3):
+            wide |= padded[i : i + rows, j : j + columns]
+    return wide
 
 
 def filled(values: _Reals, known: BoolArray) -> _Reals:

@@ -105,9 +105,7 @@ class Solids:
             rays = self.through(rays, (low, high))
         return rays, hits
 
-    def meet_faces(
-        self, rays: RayFan, at_um: float
-    ) -> tuple[RayFan, list[FaceHits]]:
+    def meet_faces(self, rays: RayFan, at_um: float) -> tuple[RayFan, list[FaceHits]]:
         """Return which rays go on below faces at a height, and which end there."""
         hits: list[FaceHits] = []
         for i, body in enumerate(self.bodies):
@@ -130,6 +128,8 @@ class Solids:
         """Return the rays that leave to the sky, going up from a height."""
         levels = [b.top_um for b in self.bodies] + [b.bottom_um for b in self.bodies]
         between = sorted({z for z in levels if z > from_um})
+        if not between:
+            return rays
         for body in self.crossing(from_um):
             rays = rays.pick(body.distance(rays.x, rays.y) >= 0)
         for low, high in zip([from_um, *between[:-1]], between, strict=True):

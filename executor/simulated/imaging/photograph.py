@@ -39,7 +39,8 @@ from microplan.executor.simulated.imaging.solid_scene import (
 MERGE_UM = 1.0  # faces so near to the sharp plane are taken to be in it
 FAR_UM = 60.0  # a plane farther out of focus is left to rays alone
 SHARP_UM = 0.3  # nearer to focus, rays through the focal plane say nothing new
-SKIRT_UM = 15.0  # round a region: what lies beyond sends less than .003 into it
+SKIRT_UM = 12.0  # beyond that: what lies outside sends less than .003 into it
+NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
 GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
 TILE_PX = 220  # larger windows are taken in pieces
 KEPT = 6  # prepared scenes
@@ -132,9 +133,10 @@ class PreparedScene:
         x, y = seen_at(view, pixels.x_um, pixels.y_um, defocus_um)
         x, y = x - self._middle[0], y - self._middle[1]
         blur_um = view.steepest * abs(defocus_um)
-        plane = self._plane(at_um, _grown(x, y, SKIRT_UM + blur_um))
-        column, row = ((v - g[0]) / plane.step_um for v, g in
-                       ((x, plane.x_um), (y, plane.y_um)))
+        plane = self._plane(at_um, _grown(x, y, NEAR_UM + blur_um))
+        column, row = (
+            (v - g[0]) / plane.step_um for v, g in ((x, plane.x_um), (y, plane.y_um))
+        )
         if abs(defocus_um) <= SHARP_UM:
             seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
             return between(seen, column, row)
@@ -145,8 +147,9 @@ class PreparedScene:
         crossing = [b for b in bodies if b.bottom_um < focus_um < b.top_um]
         rest = blurred(rays.remainder(crossing), plane.step_um, view, 0.0)
         px, py = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
-        column, row = ((v - g[0]) / plane.step_um for v, g in
-                       ((px, plane.x_um), (py, plane.y_um)))
+        column, row = (
+            (v - g[0]) / plane.step_um for v, g in ((px, plane.x_um), (py, plane.y_um))
+        )
         return image + between(rest, column, row)
 
     def _sharp_um(self, pixels: FieldMap, focus_um: float) -> float | None:
@@ -161,7 +164,7 @@ class PreparedScene:
             if off_um > abs(best - focus_um):
                 continue
             near = body.distance(x, y, exact=True).min()
-            if near < gap_um + self._view.steepest * off_um:
+            if near < gap_um + SKIRT_UM + self._view.steepest * off_um:
                 best = body.top_um
         return best if abs(best - focus_um) <= FAR_UM else None
 
@@ -185,8 +188,11 @@ class PreparedScene:
         if key not in self._planes:
             picture = self._picture(at_um)
             spacing = self._spacing(picture.solids, at_um, (at_um,))
+            spacing = min(spacing, self._sampling.plane_spacing_um)
             step_um = self._sampling.fine_um
-            self._planes[key] = sharp_plane(picture, at_um, key[1], step_um, spacing)
+            self._planes[key] = sharp_plane(
+                picture, at_um, key[1], SKIRT_UM, step_um, spacing
+            )
         return self._planes[key]
 
     def _spacing(
@@ -217,8 +223,11 @@ class PreparedScene:
                 (-reach, -reach, reach, reach),
             )  # fmt: skip
             self._pictures[sharp_um] = RayPicture(
-                solids, light, self._slopes,
-                beam_spread(self._view, self._sampling.rays), self._chief,
+                solids,
+                light,
+                self._slopes,
+                beam_spread(self._view, self._sampling.rays),
+                self._chief,
             )
         return self._pictures[sharp_um]
 

@@ -74,9 +74,7 @@ class Refocused:
         values[at] = self._at(qx, qy)
         return lattice.smooth(values.reshape(shape), self.plane.x_um, self.plane.y_um)
 
-    def _near_edges(
-        self, x: FloatArray, y: FloatArray, spacing_um: float
-    ) -> BoolArray:
+    def _near_edges(self, x: FloatArray, y: FloatArray, spacing_um: float) -> BoolArray:
         """Return which points are within a blur of a border in the plane."""
         cell = self.plane.cell(x.astype(np.float32), y.astype(np.float32))
         away = self.plane.edge_um.ravel().take(cell)
@@ -87,8 +85,7 @@ class Refocused:
         """Return the remainder at points of the focal plane, (N,)."""
         many = max(1, MOST_LOOKS // len(self.slopes))
         parts = [
-            self._some(x[i : i + many], y[i : i + many])
-            for i in range(0, len(x), many)
+            self._some(x[i : i + many], y[i : i + many]) for i in range(0, len(x), many)
         ]
         return np.concatenate(parts) if parts else np.zeros(0)
 

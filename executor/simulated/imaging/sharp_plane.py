@@ -48,9 +48,7 @@ class SharpPlane:
         index: npt.NDArray[np.int32] = j.astype(np.int32) * np.int32(columns)
         return index + i.astype(np.int32)
 
-    def towards(
-        self, x: Reals32, y: Reals32, at: npt.NDArray[np.int32]
-    ) -> Reals32:
+    def towards(self, x: Reals32, y: Reals32, at: npt.NDArray[np.int32]) -> Reals32:
         """Return the light of directions at points, (N, directions).
 
         `x`, `y` : (N, directions) float arrays, of which column k looks along direction
@@ -76,7 +74,12 @@ class SharpPlane:
 
 
 def sharp_plane(
-    picture: RayPicture, at_um: float, box: Box, step_um: float, spacing_um: float
+    picture: RayPicture,
+    at_um: float,
+    box: Box,
+    skirt_um: float,
+    step_um: float,
+    spacing_um: float,
 ) -> SharpPlane:
     """Return the light through a plane towards the camera.
 
@@ -88,10 +91,15 @@ def sharp_plane(
         Height of the plane.
     box : Box
         What is wanted of it, from the image's middle, um.
+    skirt_um : float
+        Round the box: borders of regions are drawn there, light is continued.
     step_um, spacing_um : float
         Of the fine grid and of the lattice.
     """
-    x, y = (_fine(low, high, step_um) for low, high in (box[::2], box[1::2]))
+    x, y = (
+        _fine(low - skirt_um, high + skirt_um, step_um)
+        for low, high in (box[::2], box[1::2])
+    )
     lattice = lattice_over(box, spacing_um)
     solids = picture.solids
     regions = regions_of(solids.bodies, at_um, stage=solids.stage_um == at_um)

@@ -16,7 +16,7 @@ from microplan.executor.simulated.imaging.distance_map import (
 from microplan.executor.simulated.imaging.plane_outline import PlaneOutline
 from microplan.schemas.pose import Pose
 
-CROP_UM = 900.0  # a longer body is mapped only near the image
+CROP_UM = 720.0  # a longer body is mapped only near the image
 CROP_STEP_UM = 100.0  # the crop moves in steps, so that maps are used again
 
 
