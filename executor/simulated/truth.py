@@ -17,7 +17,6 @@ from microplan.executor.simulated.shapes import (
     polygons,
     with_holes,
 )
-from microplan.optics.outline.outline import Outline
 from microplan.schemas.files.world import (
     World,
     WorldAxes,
@@ -49,10 +48,12 @@ def made_truth(
         tool=world.tools[0] if world.tools else None,
         tilt=(float(tilt[0]), float(tilt[1])),
         drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
+        surfaces=_surfaces(world, rng["surface"]),
     )
     if truth.tool is not None:
-        truth.fingers = (outline_of(truth.tool.left), outline_of(truth.tool.right))
-        truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
+        truth.finger_rings = tuple(
+            polygons(outline_of(o))[0] for o in (truth.tool.left, truth.tool.right)
+        )
         truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
         truth.opening_um = truth.tool.start_opening_um
     return truth
@@ -84,7 +85,6 @@ def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
     edge = boundary(outline)
     return TrueBody(
         part=part,
-        outline=outline,
         hole_radius_um={hole.name: hole.radius_um + offset for hole, offset in made},
         posts=tuple(_post(post, rng["profile"]) for post in part.posts),
         edge=edge,
@@ -107,7 +107,6 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
     outline = made_post(post, offset_um)
     return TruePost(
         name=post.name,
-        outline=outline,
         center_um=post.center_um,
         radius_um=post.radius_um + offset_um,
         height_um=post.height_um,
@@ -117,12 +116,38 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
     )
 
 
+def _surfaces(world: World, rng: np.random.Generator) -> dict[str, TrueSurface]:
+    """Return how every body's walls and top face reflect, drawn from its intervals."""
+    found = {}
+    for part in world.parts:
+        for body in (part, *part.posts):
+            found[body.name] = _surface(body, rng)
+    for tool in world.tools:
+        found[tool.name] = _surface(tool, rng)
+    return found
+
+
+def _surface(
+    body: WorldPart | WorldPost | WorldTool, rng: np.random.Generator
+) -> TrueSurface:
+    """Return one body's draw."""
+    wall, finish = (rng.uniform(*ends) for ends in (body.wall_reflectance, body.finish))
+    return TrueSurface(wall_reflectance=float(wall), finish=float(finish))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueSurface:
+    """How a body reflects."""
+
+    wall_reflectance: float  # 0: black walls
+    finish: float  # share of the top face's light that a mirror gives back
+
+
 @dataclass(slots=True, kw_only=True)
 class TruePost:
     """A post as it was made, in its part's frame."""
 
     name: str
-    outline: Outline
     center_um: tuple[float, float]
     radius_um: float
     height_um: float
@@ -136,7 +161,6 @@ class TrueBody:
     """A part as it was made, and where it truly is."""
 
     part: WorldPart
-    outline: Outline
     hole_radius_um: dict[str, float]
     posts: tuple[TruePost, ...]
     edge: FloatArray  # boundary points in the part's frame
@@ -167,8 +191,7 @@ class Truth:
     stage: AxisState
     robot: AxisState
     tool: WorldTool | None
-    fingers: tuple[Outline, ...] = ()  # left, right, jaws closed
-    finger_rings: tuple[FloatArray, ...] = ()  # the same as polygons
+    finger_rings: tuple[FloatArray, ...] = ()  # left, right, jaws closed
     tip_y_um: float = 0.0  # of the fingers in the grip's frame
     opening_um: float = 0.0
     held: str = ""
@@ -176,6 +199,7 @@ class Truth:
     time_s: float = 0.0
     tilt: tuple[float, float] = (0.0, 0.0)  # um sideways per um of stage z
     drift_um_per_s: tuple[float, float] = (0.0, 0.0)
+    surfaces: Mapping[str, TrueSurface] = field(default_factory=dict)  # by body
     pushed_um: float = field(default=0.0)  # how far posts pushed held parts sideways
     collided: str = ""
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from microplan.arrays import Box, FloatArray
 from microplan.executor.simulated.imaging.diffraction import between, blurred
-from microplan.executor.simulated.imaging.face_light import FaceLight
 from microplan.executor.simulated.imaging.field_map import (
     FieldMap,
     chief_slopes,
@@ -24,13 +24,18 @@ from microplan.executor.simulated.imaging.imaging_view import (
     PixelWindow,
     RaySampling,
 )
-from microplan.executor.simulated.imaging.lattice import lattice_over
-from microplan.executor.simulated.imaging.marching import Solids
-from microplan.executor.simulated.imaging.pupil_rays import beam_spread, pupil_slopes
-from microplan.executor.simulated.imaging.ray_picture import RayPicture
+from microplan.executor.simulated.imaging.rays.face_light import FaceLight
+from microplan.executor.simulated.imaging.rays.lattice import lattice_over
+from microplan.executor.simulated.imaging.rays.marching import Solids
+from microplan.executor.simulated.imaging.rays.pupil_rays import (
+    beam_spread,
+    pupil_slopes,
+)
+from microplan.executor.simulated.imaging.rays.ray_picture import RayPicture
 from microplan.executor.simulated.imaging.refocus import Refocused
 from microplan.executor.simulated.imaging.sharp_plane import SharpPlane, sharp_plane
-from microplan.executor.simulated.imaging.solid_scene import (
+from microplan.executor.simulated.imaging.solids.solid_scene import (
+    HEIGHT_DIGITS,
     MappedBody,
     SolidScene,
     mapped,
@@ -90,7 +95,7 @@ def photograph(
 def _pieces(count: int) -> list[slice]:
     """Return equal pieces of a side, at most `TILE_PX` long."""
     edges = np.linspace(0, count, -(-count // TILE_PX) + 1).round().astype(int)
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
 
 def _tile(
@@ -115,7 +120,9 @@ class PreparedScene:
         middle: tuple[float, float],
         sampling: RaySampling,
     ) -> None:
-        self._scene, self._view, self._middle = scene, view, middle
+        self._view, self._middle = view, middle
+        self._stage_um = round(scene.stage_um, HEIGHT_DIGITS)
+        self._stage_reflectance = scene.stage_reflectance
         self._sampling = sampling
         self._bodies = tuple(mapped(body, middle) for body in scene.bodies)
         self._slopes = pupil_slopes(view, sampling.rays, turn_rad=sampling.turn_rad)
@@ -158,7 +165,7 @@ class PreparedScene:
         x, y = np.meshgrid(np.linspace(x0, x1, 24), np.linspace(y0, y1, 24))
         x, y = x.ravel() - self._middle[0], y.ravel() - self._middle[1]
         gap_um = max(x1 - x0, y1 - y0) / 24
-        best = self._scene.stage_um
+        best = self._stage_um
         for body in self._bodies:
             off_um = abs(body.top_um - focus_um)
             if off_um > abs(best - focus_um):
@@ -213,13 +220,13 @@ class PreparedScene:
         """Return the rays' scene, with what is near to the sharp plane put into it."""
         if sharp_um not in self._pictures:
             bodies = tuple(_put_into(body, sharp_um) for body in self._bodies)
-            stage_um = _snapped(self._scene.stage_um, sharp_um)
+            stage_um = _snapped(self._stage_um, sharp_um)
             solids = Solids(bodies, stage_um)
             high_um = solids.sky_um - stage_um
             # no window is larger than a tile, and no ray goes farther aside
             reach = TILE_PX / self._view.px_per_um + 2 * self._view.steepest * high_um
             light = FaceLight(
-                solids, self._scene.stage_reflectance, self._view, self._sampling,
+                solids, self._stage_reflectance, self._view, self._sampling,
                 (-reach, -reach, reach, reach),
             )  # fmt: skip
             self._pictures[sharp_um] = RayPicture(

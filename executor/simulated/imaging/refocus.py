@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
-from microplan.executor.simulated.imaging.lattice import PointLattice, lattice_over
-from microplan.executor.simulated.imaging.regions import OPEN, PlaneRegion
+from microplan.executor.simulated.imaging.rays.lattice import PointLattice, lattice_over
+from microplan.executor.simulated.imaging.rays.regions import OPEN, PlaneRegion
 from microplan.executor.simulated.imaging.sharp_plane import SharpPlane
-from microplan.executor.simulated.imaging.solid_scene import MappedBody
+from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 EDGE_SHARE = 0.25  # of the blur's radius: how far apart points are near edges
 LEAST_UM = 0.4  # apart: the lens' own blur is wider

@@ -8,14 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import Box, FloatArray
-from microplan.executor.simulated.imaging.lattice import (
+from microplan.executor.simulated.imaging.rays.lattice import (
     PointLattice,
     filled,
     lattice_over,
 )
-from microplan.executor.simulated.imaging.marching import Reals32
-from microplan.executor.simulated.imaging.ray_picture import RayPicture
-from microplan.executor.simulated.imaging.regions import CUT, PlaneRegion, regions_of
+from microplan.executor.simulated.imaging.rays.marching import Reals32
+from microplan.executor.simulated.imaging.rays.ray_picture import RayPicture
+from microplan.executor.simulated.imaging.rays.regions import (
+    CUT,
+    PlaneRegion,
+    regions_of,
+)
 
 REACH = 2.5  # spacings round a region within which its light is computed
 

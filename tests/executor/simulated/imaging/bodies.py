@@ -6,8 +6,11 @@ import math
 from collections.abc import Sequence
 
 from microplan.executor.simulated.imaging.imaging_view import ImagingView
-from microplan.executor.simulated.imaging.plane_outline import PlaneOutline
-from microplan.executor.simulated.imaging.solid_scene import SolidBody, SolidScene
+from microplan.executor.simulated.imaging.solids.plane_outline import PlaneOutline
+from microplan.executor.simulated.imaging.solids.solid_scene import (
+    SolidBody,
+    SolidScene,
+)
 from microplan.schemas.pose import Pose
 from tests.executor.simulated.imaging.plain_rays import Prism
 

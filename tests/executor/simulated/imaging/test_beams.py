@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.executor.simulated.imaging.beams import beams_from, pass_up
-from microplan.executor.simulated.imaging.face_light import fan_through
-from microplan.executor.simulated.imaging.marching import Solids
-from microplan.executor.simulated.imaging.pupil_rays import beam_spread, pupil_slopes
-from microplan.executor.simulated.imaging.solid_scene import SolidBody, mapped
+from microplan.executor.simulated.imaging.rays.beams import beams_from, pass_up
+from microplan.executor.simulated.imaging.rays.face_light import fan_through
+from microplan.executor.simulated.imaging.rays.marching import Solids
+from microplan.executor.simulated.imaging.rays.pupil_rays import (
+    beam_spread,
+    pupil_slopes,
+)
+from microplan.executor.simulated.imaging.solids.solid_scene import SolidBody, mapped
 from tests.executor.simulated.imaging.bodies import APERTURE, body, box, circle, view
 
 RAYS = 400

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from microplan.executor.simulated.imaging.distance_map import (
+from microplan.executor.simulated.imaging.solids.distance_map import (
     distance_map,
     signed_distance_um,
 )
-from microplan.executor.simulated.imaging.plane_outline import (
+from microplan.executor.simulated.imaging.solids.plane_outline import (
     PlaneOutline,
     grown_rings,
 )

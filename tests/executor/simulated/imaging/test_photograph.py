@@ -15,7 +15,7 @@ from microplan.executor.simulated.imaging.imaging_view import (
     TrueLensErrors,
 )
 from microplan.executor.simulated.imaging.photograph import photograph
-from microplan.executor.simulated.imaging.solid_scene import SolidBody
+from microplan.executor.simulated.imaging.solids.solid_scene import SolidBody
 from microplan.schemas.pose import Pose
 from tests.executor.simulated.imaging.bodies import (
     APERTURE,

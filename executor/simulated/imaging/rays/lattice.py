@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from microplan.arrays import BoolArray, Box, FloatArray
 
-
 _Reals = TypeVar("_Reals", npt.NDArray[np.float64], npt.NDArray[np.float32])
 
 FILLED = 4  # rounds of unknown points next to known ones

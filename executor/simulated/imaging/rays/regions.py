@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
-from microplan.executor.simulated.imaging.marching import STAGE
-from microplan.executor.simulated.imaging.solid_scene import MappedBody
+from microplan.executor.simulated.imaging.rays.marching import STAGE
+from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 PUSH_UM = 0.3  # so far inside its region a point is taken, above a map's error
 MOST_MOVES = 6

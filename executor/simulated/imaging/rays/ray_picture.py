@@ -8,25 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.executor.simulated.imaging.beams import (
+from microplan.executor.simulated.imaging.rays.beams import (
     Beams,
     Passage,
     beams_from,
     meet_faces,
     pass_down,
 )
-from microplan.executor.simulated.imaging.face_light import (
+from microplan.executor.simulated.imaging.rays.face_light import (
     MOST_RAYS,
     FaceLight,
     fan_through,
 )
-from microplan.executor.simulated.imaging.marching import (
+from microplan.executor.simulated.imaging.rays.marching import (
     STAGE,
     FaceHits,
     RayFan,
     Solids,
 )
-from microplan.executor.simulated.imaging.regions import CUT, OPEN
+from microplan.executor.simulated.imaging.rays.regions import CUT, OPEN
 
 Chief = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 

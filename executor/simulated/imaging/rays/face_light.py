@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from microplan.arrays import BoolArray, Box, FloatArray
-from microplan.executor.simulated.imaging.beams import beams_from, pass_up
 from microplan.executor.simulated.imaging.imaging_view import ImagingView, RaySampling
-from microplan.executor.simulated.imaging.lattice import (
+from microplan.executor.simulated.imaging.rays.beams import beams_from, pass_up
+from microplan.executor.simulated.imaging.rays.lattice import (
     PointLattice,
     filled,
     lattice_over,
     widened,
 )
-from microplan.executor.simulated.imaging.marching import (
+from microplan.executor.simulated.imaging.rays.marching import (
     STAGE,
     FaceHits,
     RayFan,
     Reals32,
     Solids,
 )
-from microplan.executor.simulated.imaging.pupil_rays import (
+from microplan.executor.simulated.imaging.rays.pupil_rays import (
     beam_spread,
     pupil_slopes,
     within_lamp,
 )
-from microplan.executor.simulated.imaging.regions import moved_outside
+from microplan.executor.simulated.imaging.rays.regions import moved_outside
 
 MOST_RAYS = 1 << 20  # at once
 FINER = 4  # points between two of a shading's lattice: read along straight lines

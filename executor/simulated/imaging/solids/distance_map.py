@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import Box, FloatArray
-from microplan.executor.simulated.imaging.plane_outline import (
+from microplan.executor.simulated.imaging.solids.plane_outline import (
     PlaneOutline,
     parity_grid,
 )

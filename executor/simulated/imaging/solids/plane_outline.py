@@ -41,6 +41,10 @@ class PlaneOutline:
         low, high = points.min(axis=0), points.max(axis=0)
         return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
+    def scaled(self, center: tuple[float, float], ratio: float) -> PlaneOutline:
+        """Return the outline scaled about a point."""
+        return PlaneOutline(tuple(_scaled(ring, center, ratio) for ring in self.rings))
+
     def distance_um(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return distances to the nearest edge, (...) um, never negative."""
         least = np.full(np.broadcast(x, y).shape, np.inf)

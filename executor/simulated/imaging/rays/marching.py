@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import BoolArray, IntArray
-from microplan.executor.simulated.imaging.solid_scene import MappedBody
+from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 STAGE = -1  # as the index of a body: what lies under all of them
 LEAST_STEP_UM = 0.25  # along a wall; of the order of a map's pitch

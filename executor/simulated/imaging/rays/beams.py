@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from microplan.executor.simulated.imaging.marching import (
+from microplan.executor.simulated.imaging.rays.marching import (
     FAINT,
     FaceHits,
     RayFan,
@@ -23,7 +23,7 @@ from microplan.executor.simulated.imaging.marching import (
     joined,
     march,
 )
-from microplan.executor.simulated.imaging.solid_scene import MappedBody
+from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 THIN_UM = 0.3  # a beam's least width: of the order of a map's error
 STEP_SHARE = 0.8  # of the free way; a beam's side comes nearer than its middle

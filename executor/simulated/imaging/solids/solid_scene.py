@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import Box
-from microplan.executor.simulated.imaging.distance_map import (
+from microplan.executor.simulated.imaging.solids.distance_map import (
     DistanceMap,
     Reals,
     distance_map,
 )
-from microplan.executor.simulated.imaging.plane_outline import PlaneOutline
+from microplan.executor.simulated.imaging.solids.plane_outline import PlaneOutline
 from microplan.schemas.pose import Pose
 
 CROP_UM = 720.0  # a longer body is mapped only near the image
+HEIGHT_DIGITS = 4  # of um: heights that sums left a rounding apart are the same
 CROP_STEP_UM = 100.0  # the crop moves in steps, so that maps are used again
 
 
@@ -90,8 +91,8 @@ def mapped(body: SolidBody, middle_um: tuple[float, float]) -> MappedBody:
     near = _crop(body, middle_um)
     return MappedBody(
         body=body,
-        top_um=body.top_um,
-        bottom_um=body.bottom_um,
+        top_um=round(body.top_um, HEIGHT_DIGITS),
+        bottom_um=round(body.bottom_um, HEIGHT_DIGITS),
         distances=distance_map(body.outline, near),
         cosine=math.cos(body.pose.theta_rad),
         sine=math.sin(body.pose.theta_rad),
