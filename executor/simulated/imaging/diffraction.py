@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.executor.simulated.imaging.imaging_view import ImagingView
+from microplan.executor.simulated.imaging.imaging_view import ImagingView, LampLevel
 
 LEAST_TILE_UM = 90.0  # at A = .42 the pupil is 63 cells wide to each side
 TAPS = 8  # of the interpolation between fine samples
@@ -38,14 +40,17 @@ def point_spread(
         raise ValueError(f"a grid of {step_um} um aliases the image of a point")
     down, across = (np.fft.fftfreq(count, step_um) for count in shape)
     square = (down[:, None] ** 2 + across**2) * view.wavelength_um**2
-    sine = np.sqrt(square)
     cell = view.wavelength_um / (step_um * math.sqrt(shape[0] * shape[1]))
-    rim = np.clip((view.aperture - sine) / cell + 0.5, 0.0, 1.0)  # share of a cell
+    inside = np.flatnonzero(square.ravel() < (view.aperture + cell) ** 2)
+    square = square.ravel()[inside]
+    rim = np.clip((view.aperture - np.sqrt(square)) / cell + 0.5, 0.0, 1.0)  # of a cell
     n = view.medium_index
     path = -square / (np.sqrt(np.maximum(n**2 - square, 0.0)) + n)
     phase = 2 * math.pi * defocus_um / view.wavelength_um * path
-    wave = np.fft.ifft2(rim * np.exp(1j * phase))
-    light = wave.real**2 + wave.imag**2
+    pupil = np.zeros(shape, dtype=np.complex64)
+    pupil.ravel()[inside] = rim * np.exp(1j * phase)
+    wave = np.fft.ifft2(pupil)
+    light = wave.real.astype(float) ** 2 + wave.imag.astype(float) ** 2
     spread: FloatArray = light / light.sum()
     return spread
 
@@ -63,7 +68,8 @@ def blurred(
         As in `point_spread`; the view's pixels integrate over their area.
     """
     rows, columns = plane.shape
-    transfer = _transfer((rows, columns), step_um, view, defocus_um)
+    lens = replace(view, focus_um=0.0, shift_um=(0.0, 0.0), lamp=LampLevel())
+    transfer = _transfer((rows, columns), step_um, lens, defocus_um)
     down = np.fft.fftfreq(rows, step_um)[:, None]
     across = np.fft.rfftfreq(columns, step_um)
     side_um = math.sqrt(view.fill_factor) / view.px_per_um
@@ -74,6 +80,7 @@ def blurred(
     return np.fft.irfft2(seen, s=(rows, columns))
 
 
+@lru_cache(maxsize=6)
 def _transfer(
     shape: tuple[int, int], step_um: float, view: ImagingView, defocus_um: float
 ) -> FloatArray:

@@ -92,6 +92,6 @@ class RaySampling:
     turn_rad: float = 0.0  # of the pupil's pattern: another one, another sampling error
     fine_um: float = 0.2  # grid of the sharp plane, at most a seventh of lambda / A
     spacing: float = 0.2  # of a lattice, by the blur of what lies above or below
-    least_spacing_um: float = 2.5  # of a lattice
-    plane_spacing_um: float = 3.0  # of the sharp plane's lattice, at most
+    least_spacing_um: float = 2.0  # of a lattice
+    plane_spacing_um: float = 2.0  # of the sharp plane's lattice, at most
     most_spacing_um: float = 8.0  # of other lattices

@@ -147,12 +147,17 @@ class PreparedScene:
         if abs(defocus_um) <= SHARP_UM:
             seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
             return between(seen, column, row)
-        seen = blurred(plane.uncut, plane.step_um, view, defocus_um)
-        image = between(seen, column, row)
-        rays = Refocused(plane, self._slopes, self._chief, blur_um, -defocus_um)
         bodies = self._picture(at_um).solids.bodies
-        crossing = [b for b in bodies if b.bottom_um < focus_um < b.top_um]
-        rest = blurred(rays.remainder(crossing), plane.step_um, view, 0.0)
+        ends = (min(focus_um, at_um), max(focus_um, at_um))
+        crossing = tuple(
+            b for b in bodies if b.bottom_um <= ends[0] and b.top_um >= ends[1] != b.top_um
+        )
+        flat = plane.uncut if crossing else plane.radiance
+        image = between(blurred(flat, plane.step_um, view, defocus_um), column, row)
+        rays = Refocused(
+            plane, self._slopes, self._chief, blur_um, -defocus_um, crossing
+        )
+        rest = blurred(rays.remainder(), plane.step_um, view, 0.0)
         px, py = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
         column, row = (
             (v - g[0]) / plane.step_um for v, g in ((px, plane.x_um), (py, plane.y_um))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ EDGE_SHARE = 0.25  # of the blur's radius: how far apart points are near edges
 LEAST_UM = 0.4  # apart: the lens' own blur is wider
 MOST_UM = 3.0
 COARSE = 4  # times that, away from edges
+COARSE_PLANE = 1.5  # of the plane's lattice, at least
 MOST_LOOKS = 1 << 20  # at once
 
 Chief = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
@@ -31,24 +32,20 @@ class Refocused:
     chief: Chief
     blur_um: float  # radius of a point's blur
     drop_um: float  # from the focus down to the plane
+    crossing: tuple[MappedBody, ...]  # bodies cut by both planes: in focus in both
 
-    def remainder(self, crossing: Sequence[MappedBody]) -> FloatArray:
-        """Return what rays see in focus less the plane's own blur, on its fine grid.
-
-        Parameters
-        ----------
-        crossing : sequence of MappedBody
-            Bodies that the focal plane cuts: their borders are in focus.
-        """
+    def remainder(self) -> FloatArray:
+        """Return what rays see in focus less the plane's own blur, on its fine grid."""
+        crossing = self.crossing
         plane = self.plane
         spacing = float(np.clip(EDGE_SHARE * self.blur_um, LEAST_UM, MOST_UM))
         x, y = plane.x_um, plane.y_um
         box = (float(x[0]), float(y[0]), float(x[-1]), float(y[-1]))
         lattice = lattice_over(box, spacing)
-        outer = self._on_fine(PlaneRegion(OPEN, (), tuple(crossing)), lattice)
+        outer = self._on_fine(PlaneRegion(OPEN, (), crossing), lattice)
         if not crossing:
             return outer
-        inside = PlaneRegion(OPEN, tuple(crossing), ())
+        inside = PlaneRegion(OPEN, crossing, ())
         gx, gy = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
         away = np.min([b.distance(gx, gy, exact=True) for b in crossing], axis=0)
         share = np.clip(0.5 - away / plane.step_um, 0.0, 1.0)
@@ -62,7 +59,7 @@ class Refocused:
         near = self._near_edges(px, py, lattice.spacing_um) & reach
         coarse = lattice_over(
             (lattice.x_um[0], lattice.y_um[0], lattice.x_um[-1], lattice.y_um[-1]),
-            COARSE * lattice.spacing_um,
+            max(COARSE * lattice.spacing_um, COARSE_PLANE * self.plane.lattice.spacing_um),
         )
         cx, cy = coarse.points()
         base = self._at(*region.drawn_in(cx, cy)[:2]).reshape(
@@ -99,7 +96,8 @@ class Refocused:
             for k, (at, tilt) in enumerate(((x, tilt_x), (y, tilt_y)))
         )
         cell = self.plane.cell(qx, qy)
-        plain = self.plane.uncut.ravel().take(cell)
         light = self.plane.towards(qx, qy, cell)
-        mean: FloatArray = (light - plain).mean(axis=1, dtype=float)
+        if self.crossing:
+            light = light + self.plane.cut_step.ravel().take(cell)
+        mean: FloatArray = light.mean(axis=1, dtype=float)
         return mean

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import Box, FloatArray
+from microplan.arrays import BoolArray, Box, FloatArray
 from microplan.executor.simulated.imaging.rays.lattice import (
     PointLattice,
     filled,
@@ -21,7 +21,8 @@ from microplan.executor.simulated.imaging.rays.regions import (
     regions_of,
 )
 
-REACH = 2.5  # spacings round a region within which its light is computed
+REACH = 2.5  # spacings round a border within which light is computed at each point
+SPARSE = 3  # elsewhere at each so many-th, between them it is straight
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +39,12 @@ class SharpPlane:
     step_um: float
     radiance: FloatArray  # (rows, columns), mean over directions
     uncut: FloatArray  # the same without bodies that the plane cuts
+    cut_step: FloatArray  # (rows, columns), in bodies: what they add to `uncut`
     edge_um: Reals32  # (rows, columns), distance to the nearest border of a region
     region: npt.NDArray[np.uint8]  # (rows, columns), number of the region
     lattice: PointLattice
-    light: Reals32  # (regions, rows, columns, directions), on the lattice
+    # (regions, rows, columns, directions), on the lattice, less the mean of directions
+    light: Reals32
 
     def cell(self, x: Reals32, y: Reals32) -> npt.NDArray[np.int32]:
         """Return the fine grid's nearest point, as a flat index."""
@@ -53,7 +56,7 @@ class SharpPlane:
         return index + i.astype(np.int32)
 
     def towards(self, x: Reals32, y: Reals32, at: npt.NDArray[np.int32]) -> Reals32:
-        """Return the light of directions at points, (N, directions).
+        """Return by how much directions are brighter at points, (N, directions).
 
         `x`, `y` : (N, directions) float arrays, of which column k looks along direction
         k; `at` : their cells of the fine grid.
@@ -108,28 +111,33 @@ def sharp_plane(
     solids = picture.solids
     regions = regions_of(solids.bodies, at_um, stage=solids.stage_um == at_um)
     light = [_light(picture, region, at_um, lattice) for region in regions]
+    means = [values.mean(axis=2, dtype=float) for values in light]
+    shades = [lattice.smooth(mean, x, y) for mean in means]
     gx, gy = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
     away = [_within(region, gx, gy) for region in regions]
-    shades = [lattice.smooth(values.mean(axis=2), x, y) for values in light]
     shares = [np.clip(0.5 - a / step_um, 0.0, 1.0) for a in away]
     first = 1 if regions[0].face == CUT else 0
-    border = np.min([np.abs(a) for a in away], axis=0)
+    uncut = _blended(shares[first:], shades[first:])
     return SharpPlane(
         at_um=at_um,
         x_um=x,
         y_um=y,
         step_um=step_um,
         radiance=_blended(shares, shades),
-        uncut=_blended(shares[first:], shades[first:]),
-        edge_um=border,
+        uncut=uncut,
+        cut_step=np.where((away[0] < 0) & (first == 1), shades[0] - uncut, 0.0),
+        edge_um=np.min([np.abs(a) for a in away], axis=0),
         region=np.argmax(np.array(away) < 0, axis=0).astype(np.uint8),
         lattice=lattice,
-        light=np.array(light, dtype=np.float32),
+        light=np.array(
+            [v - m[:, :, None] for v, m in zip(light, means, strict=True)],
+            dtype=np.float32,
+        ),
     )
 
 
 def _within(region: PlaneRegion, x: Reals32, y: Reals32) -> Reals32:
-    """Return signed distances to a region's own bodies; the last one is all the rest."""
+    """Return signed distances to a region's own bodies; the last is all the rest."""
     if not region.within:
         return np.full(x.shape, -np.inf, dtype=np.float32)
     away = [body.distance(x, y, exact=True) for body in region.within]
@@ -149,10 +157,19 @@ def _blended(shares: list[FloatArray], shades: list[FloatArray]) -> FloatArray:
 def _light(
     picture: RayPicture, region: PlaneRegion, at_um: float, lattice: PointLattice
 ) -> Reals32:
-    """Return the light in a region on the lattice, (rows, columns, directions)."""
+    """Return the light in a region on the lattice, (rows, columns, directions).
+
+    Far from the region's borders every third point is enough: what bends light there is
+    a body's height away.
+    """
     shape = (len(lattice.y_um), len(lattice.x_um), len(picture.slopes))
     px, py = lattice.points()
-    near = np.flatnonzero(region.distance(px, py) < REACH * lattice.spacing_um)
+    away = region.distance(px, py)
+    row, column = np.divmod(np.arange(len(px)), shape[1])
+    sparse = (row % SPARSE == 0) & (column % SPARSE == 0)
+    border = np.abs(away) < REACH * lattice.spacing_um
+    reach = away < REACH * SPARSE * lattice.spacing_um
+    near = np.flatnonzero(border | (sparse & reach))
     qx, qy, good = region.drawn_in(px[near], py[near])
     near, qx, qy = near[good], qx[good], qy[good]
     light = np.zeros((len(px), shape[2]), dtype=np.float32)
@@ -160,7 +177,25 @@ def _light(
     if len(near):
         light[near] = picture.in_plane(qx, qy, at_um, region.face)
         known[near] = True
-    return filled(light.reshape(shape), known.reshape(shape[:2]))
+    return _spread_out(light.reshape(shape), known.reshape(shape[:2]))
+
+
+def _spread_out(light: Reals32, known: BoolArray) -> Reals32:
+    """Return light at all points of a lattice, known at some; others lie between."""
+    coarse = filled(light[::SPARSE, ::SPARSE], known[::SPARSE, ::SPARSE])
+    rows, columns = known.shape
+    row, column = np.nonzero(~known)
+    v, u = row / SPARSE, column / SPARSE
+    low = np.minimum(v.astype(int), max(coarse.shape[0] - 2, 0))
+    left = np.minimum(u.astype(int), max(coarse.shape[1] - 2, 0))
+    v, u = (np.minimum(w, 1.0)[:, None].astype(np.float32) for w in (v - low, u - left))
+    up = np.minimum(low + 1, coarse.shape[0] - 1)
+    right = np.minimum(left + 1, coarse.shape[1] - 1)
+    first = (1 - u) * coarse[low, left] + u * coarse[low, right]
+    after = (1 - u) * coarse[up, left] + u * coarse[up, right]
+    whole = light.copy()
+    whole[row, column] = (1 - v) * first + v * after
+    return whole
 
 
 def _fine(low: float, high: float, step_um: float) -> FloatArray:
