@@ -120,8 +120,9 @@ def _surfaces(world: World, rng: np.random.Generator) -> dict[str, TrueSurface]:
     """Return how every body's walls and top face reflect, drawn from its intervals."""
     found = {}
     for part in world.parts:
-        for body in (part, *part.posts):
-            found[body.name] = _surface(body, rng)
+        found[part.name] = _surface(part, rng)
+        for post in part.posts:
+            found[post.name] = _surface(post, rng)
     for tool in world.tools:
         found[tool.name] = _surface(tool, rng)
     return found

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.arrays import FloatArray
+from microplan.arrays import FloatArray, IntArray
 from microplan.executor.simulated.imaging.imaging_view import ImagingView, LampLevel
 
 LEAST_TILE_UM = 90.0  # at A = .42 the pupil is 63 cells wide to each side
@@ -116,9 +116,9 @@ def between(image: FloatArray, column: FloatArray, row: FloatArray) -> FloatArra
     return total
 
 
-def _taps(at: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+def _taps(at: FloatArray) -> tuple[list[FloatArray], IntArray]:
     """Return weights of the samples around places, and the first one's number."""
-    first = np.floor(at).astype(np.int64) - TAPS // 2 + 1
+    first = np.floor(at).astype(np.intp) - TAPS // 2 + 1
     away = [at - first - k for k in range(TAPS)]
     half = TAPS / 2
     weights = [

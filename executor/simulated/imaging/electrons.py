@@ -40,4 +40,6 @@ def counted(
     electrons += rng.normal(0.0, read_noise_e, image.shape)
     top = 2**bits - 1
     counts = np.clip(np.rint(electrons * (top / full_well_e)), 0, top)
-    return counts.astype(np.uint8) if bits <= 8 else counts.astype(np.uint16)
+    made: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+    made = counts.astype(np.uint8) if bits <= 8 else counts.astype(np.uint16)
+    return made

@@ -43,7 +43,7 @@ def field_map(view: ImagingView, window: PixelWindow) -> FieldMap:
 def seen_at(
     view: ImagingView, x: FloatArray, y: FloatArray, defocus_um: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return which points of a plane appear at points of the focal plane, um."""
+    """Return which points of a plane appear at points of the focal plane, (...) um."""
     errors = view.errors
     scale = 1 + errors.scale_per_um * defocus_um
     return (
@@ -55,7 +55,7 @@ def seen_at(
 def chief_slopes(
     view: ImagingView, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return slopes of the rays through the pupil's middle, on their way down."""
+    """Return slopes of the pupil's middle rays on their way down, (...) um per um."""
     errors = view.errors
     return (
         errors.lateral_x + errors.scale_per_um * x,
@@ -64,7 +64,7 @@ def chief_slopes(
 
 
 def light_over(view: ImagingView, window: PixelWindow) -> FloatArray:
-    """Return the lamp's brightness over a window, (rows, columns)."""
+    """Return the lamp's brightness over a window of px, (rows, columns)."""
     column = window.column + np.arange(window.columns) - (view.width_px - 1) / 2
     row = window.row + np.arange(window.rows) - (view.height_px - 1) / 2
     across = view.lamp.gradient_x * column / view.width_px

@@ -110,7 +110,7 @@ def _tile(
     return work.picture(pixels, view, focus_um)
 
 
-class PreparedScene:
+class PhotographedScene:
     """A scene around one middle of an image; remembers planes and shading."""
 
     def __init__(
@@ -150,7 +150,7 @@ class PreparedScene:
         bodies = self._picture(at_um).solids.bodies
         ends = (min(focus_um, at_um), max(focus_um, at_um))
         crossing = tuple(
-            b for b in bodies if b.bottom_um <= ends[0] and b.top_um >= ends[1] != b.top_um
+            b for b in bodies if b.bottom_um <= ends[0] and ends[1] < b.top_um
         )
         flat = plane.uncut if crossing else plane.radiance
         image = between(blurred(flat, plane.step_um, view, defocus_um), column, row)
@@ -248,7 +248,7 @@ class PreparedScene:
         return chief_slopes(self._view, x + self._middle[0], y + self._middle[1])
 
 
-_RECENT: OrderedDict[object, PreparedScene] = OrderedDict()
+_RECENT: OrderedDict[object, PhotographedScene] = OrderedDict()
 
 
 def _prepared(
@@ -256,12 +256,12 @@ def _prepared(
     view: ImagingView,
     middle: tuple[float, float],
     sampling: RaySampling,
-) -> PreparedScene:
+) -> PhotographedScene:
     """Return a scene's planes and shading, from an earlier picture if there is one."""
     lasting = replace(view, focus_um=0.0, shift_um=(0.0, 0.0), lamp=LampLevel())
     key = (scene, lasting, middle, sampling)
     if key not in _RECENT:
-        _RECENT[key] = PreparedScene(scene, lasting, middle, sampling)
+        _RECENT[key] = PhotographedScene(scene, lasting, middle, sampling)
         while len(_RECENT) > KEPT:
             _RECENT.popitem(last=False)
     _RECENT.move_to_end(key)

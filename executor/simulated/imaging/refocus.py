@@ -35,7 +35,10 @@ class Refocused:
     crossing: tuple[MappedBody, ...]  # bodies cut by both planes: in focus in both
 
     def remainder(self) -> FloatArray:
-        """Return what rays see in focus less the plane's own blur, on its fine grid."""
+        """Return what rays see in focus less the plane's own blur.
+
+        On the plane's fine grid, (rows, columns), a step of `step_um` apart.
+        """
         crossing = self.crossing
         plane = self.plane
         spacing = float(np.clip(EDGE_SHARE * self.blur_um, LEAST_UM, MOST_UM))
@@ -49,7 +52,9 @@ class Refocused:
         gx, gy = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
         away = np.min([b.distance(gx, gy, exact=True) for b in crossing], axis=0)
         share = np.clip(0.5 - away / plane.step_um, 0.0, 1.0)
-        return (1 - share) * outer + share * self._on_fine(inside, lattice)
+        inner = self._on_fine(inside, lattice)
+        mixed: FloatArray = (1 - share) * outer + share * inner
+        return mixed
 
     def _on_fine(self, region: PlaneRegion, lattice: PointLattice) -> FloatArray:
         """Return the remainder in one region of the focal plane, continued beyond."""
@@ -59,7 +64,10 @@ class Refocused:
         near = self._near_edges(px, py, lattice.spacing_um) & reach
         coarse = lattice_over(
             (lattice.x_um[0], lattice.y_um[0], lattice.x_um[-1], lattice.y_um[-1]),
-            max(COARSE * lattice.spacing_um, COARSE_PLANE * self.plane.lattice.spacing_um),
+            max(
+                COARSE * lattice.spacing_um,
+                COARSE_PLANE * self.plane.lattice.spacing_um,
+            ),
         )
         cx, cy = coarse.points()
         base = self._at(*region.drawn_in(cx, cy)[:2]).reshape(
@@ -98,6 +106,6 @@ class Refocused:
         cell = self.plane.cell(qx, qy)
         light = self.plane.towards(qx, qy, cell)
         if self.crossing:
-            light = light + self.plane.cut_step.ravel().take(cell)
+            light += self.plane.cut_step.ravel().take(cell).astype(np.float32)
         mean: FloatArray = light.mean(axis=1, dtype=float)
         return mean

@@ -47,18 +47,19 @@ class SharpPlane:
     light: Reals32
 
     def cell(self, x: Reals32, y: Reals32) -> npt.NDArray[np.int32]:
-        """Return the fine grid's nearest point, as a flat index."""
+        """Return the fine grid's nearest point to (...) um points, as a flat index."""
         rows, columns = self.radiance.shape
         step = np.float32(1 / self.step_um)
         i = np.clip((x - np.float32(self.x_um[0])) * step + 0.5, 0, columns - 1)
         j = np.clip((y - np.float32(self.y_um[0])) * step + 0.5, 0, rows - 1)
         index: npt.NDArray[np.int32] = j.astype(np.int32) * np.int32(columns)
-        return index + i.astype(np.int32)
+        index += i.astype(np.int32)
+        return index
 
     def towards(self, x: Reals32, y: Reals32, at: npt.NDArray[np.int32]) -> Reals32:
         """Return by how much directions are brighter at points, (N, directions).
 
-        `x`, `y` : (N, directions) float arrays, of which column k looks along direction
+        `x`, `y` : (N, directions) um float arrays, of which column k looks along direction
         k; `at` : their cells of the fine grid.
         """
         rows, columns, count = self.light.shape[1:]
@@ -141,7 +142,8 @@ def _within(region: PlaneRegion, x: Reals32, y: Reals32) -> Reals32:
     if not region.within:
         return np.full(x.shape, -np.inf, dtype=np.float32)
     away = [body.distance(x, y, exact=True) for body in region.within]
-    return np.min(away, axis=0).astype(np.float32)
+    nearest: Reals32 = np.min(away, axis=0).astype(np.float32)
+    return nearest
 
 
 def _blended(shares: list[FloatArray], shades: list[FloatArray]) -> FloatArray:
@@ -183,7 +185,6 @@ def _light(
 def _spread_out(light: Reals32, known: BoolArray) -> Reals32:
     """Return light at all points of a lattice, known at some; others lie between."""
     coarse = filled(light[::SPARSE, ::SPARSE], known[::SPARSE, ::SPARSE])
-    rows, columns = known.shape
     row, column = np.nonzero(~known)
     v, u = row / SPARSE, column / SPARSE
     low = np.minimum(v.astype(int), max(coarse.shape[0] - 2, 0))
@@ -201,7 +202,8 @@ def _spread_out(light: Reals32, known: BoolArray) -> Reals32:
 def _fine(low: float, high: float, step_um: float) -> FloatArray:
     """Return a fine grid's coordinates over a range, as many as transforms like."""
     count = int(np.ceil((high - low) / step_um)) + 1
-    return low + step_um * np.arange(quick_length(count))
+    places: FloatArray = low + step_um * np.arange(quick_length(count), dtype=float)
+    return places
 
 
 def quick_length(least: int) -> int:

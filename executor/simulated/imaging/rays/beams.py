@@ -210,52 +210,42 @@ def _least_ratio(
     A ray that begins inside enters nowhere: infinity.
     """
     rays, count = beams.rays, len(beams.width)
-    least = np.full(count, np.inf, dtype=np.float32)
     entered = np.full(count, np.inf, dtype=np.float32)
     if not count:
-        return least, entered
+        return entered.copy(), entered
+    wide, high = beams.width[0], np.float32(height_um)
+    grow, most = np.float32(end - wide) / high, np.float32(max(float(wide), end) / 2)
     speed = np.maximum(np.hypot(rays.slope_x, rays.slope_y), np.float32(1e-6))
-    wide = beams.width[0]
-    grow = np.float32((end - wide) / height_um)
-    most = max(float(wide), end) / 2
     away = wall.distance(rays.x, rays.y)
-    least[:] = away / wide
-    near = np.flatnonzero(
-        (away < speed * np.float32(height_um) + np.float32(most)) & (least > -0.5)
-    )
-    x, y, sx, sy, v = (
-        a.take(near) for a in (rays.x, rays.y, rays.slope_x, rays.slope_y, speed)
-    )
-    away, done = away.take(near), np.zeros(len(near), dtype=np.float32)
-    outside = away >= 0
-    low = least.take(near)
+    least: Reals32 = (away / wide).astype(np.float32)
+    near = np.flatnonzero((away < speed * high + most) & (least > -0.5))
+    # one row each, so that rays that have arrived are put aside at once
+    way = np.array(
+        [rays.x, rays.y, rays.slope_x, rays.slope_y, speed, away, least, away >= 0],
+        dtype=np.float32,
+    ).take(near, axis=1)
+    way = np.vstack([way, np.zeros(len(near), dtype=np.float32)])
     for _ in range(MOST_STEPS):
         if not len(near):
             break
-        step = np.maximum(
-            np.float32(STEP_SHARE) * np.abs(away),
-            np.maximum(
-                np.float32(LEAST_UM), np.float32(WIDTH_SHARE) * (wide + grow * done)
-            ),
-        )
-        step = np.minimum(step / v, np.float32(height_um) - done)
-        x, y, done = x + step * sx, y + step * sy, done + step
-        away = wall.distance(x, y)
-        low = np.minimum(low, away / (wide + grow * done))
-        new = np.flatnonzero(outside & (away < 0))
-        if len(new):
-            at = near.take(new)
-            entered[at] = np.minimum(entered[at], done.take(new))
-        left = np.float32(height_um) - done
-        going = (left > 1e-4) & (low > -0.5) & (away < v * left + np.float32(most))
+        x, y, slope_x, slope_y, speed, away, low, outside, done = way
+        shortest = np.maximum(LEAST_UM, WIDTH_SHARE * (wide + grow * done))
+        step = np.maximum(np.float32(STEP_SHARE) * np.abs(away), shortest)
+        step = np.minimum(step / speed, high - done)
+        x += step * slope_x
+        y += step * slope_y
+        done += step
+        away[:] = wall.distance(x, y)
+        np.minimum(low, away / (wide + grow * done), out=low)
+        new = np.flatnonzero((outside > 0) & (away < 0))
+        entered[near[new]] = np.minimum(entered[near[new]], done[new])
+        left = high - done
+        going = (left > 1e-4) & (low > -0.5) & (away < speed * left + most)
         if np.count_nonzero(going) < KEPT_SHARE * len(going):
-            stop = np.flatnonzero(~going)
-            least[near.take(stop)] = low.take(stop)
+            least[near[~going]] = low[~going]
             keep = np.flatnonzero(going)
-            near, x, y, sx, sy, v, done, away, low, outside = (
-                a.take(keep) for a in (near, x, y, sx, sy, v, done, away, low, outside)
-            )
-    least[near] = low
+            near, way = near.take(keep), way.take(keep, axis=1)
+    least[near] = way[6]
     return least, entered
 
 

@@ -9,8 +9,9 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, Box, FloatArray
+from microplan.arrays import BoolArray, Box, FloatArray, IntArray
 
+Reals = npt.NDArray[np.floating]
 _Reals = TypeVar("_Reals", npt.NDArray[np.float64], npt.NDArray[np.float32])
 
 FILLED = 4  # rounds of unknown points next to known ones
@@ -25,12 +26,12 @@ class PointLattice:
     spacing_um: float
 
     def points(self) -> tuple[FloatArray, FloatArray]:
-        """Return all points, row by row, (rows * columns,) each."""
+        """Return all points, row by row, (rows * columns,) um each."""
         x, y = np.meshgrid(self.x_um, self.y_um)
         return x.ravel(), y.ravel()
 
     def smooth(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return (rows, columns) values interpolated onto a grid, (len(y), len(x))."""
+        """Return (rows, columns) values interpolated onto a grid of um, (Y, X)."""
         across = _cubic((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
         down = _cubic((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
         grid: FloatArray = down @ values @ across.T
@@ -39,7 +40,7 @@ class PointLattice:
     def smooth_at(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return (rows, columns) values interpolated at points nearly on a grid.
 
-        `x`, `y` : (M, N) float arrays whose rows and columns are all but straight;
+        `x`, `y` : (M, N) um float arrays whose rows and columns are all but straight;
         what they deviate from the grid's mean is followed along the slope.
         """
         mean_x, mean_y = x.mean(axis=0), y.mean(axis=1)
@@ -54,29 +55,39 @@ class PointLattice:
     def finer(self, factor: int) -> PointLattice:
         """Return a lattice over the same range with more points."""
         spacing = self.spacing_um / factor
-        x, y = (
-            along[0] + spacing * np.arange(factor * (len(along) - 1) + 1)
+        across, down = (
+            np.arange(factor * (len(along) - 1) + 1, dtype=float)
             for along in (self.x_um, self.y_um)
         )
-        return PointLattice(x, y, spacing)
+        return PointLattice(
+            x_um=self.x_um[0] + spacing * across,
+            y_um=self.y_um[0] + spacing * down,
+            spacing_um=spacing,
+        )
 
-    def corners(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
-        """Return column, row and shares of the cell that holds each point."""
-        u = np.clip((x - self.x_um[0]) / self.spacing_um, 0, len(self.x_um) - 1.001)
-        v = np.clip((y - self.y_um[0]) / self.spacing_um, 0, len(self.y_um) - 1.001)
-        column, row = u.astype(np.int32), v.astype(np.int32)
+    def corners(
+        self, x: Reals, y: Reals
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Return column, row and shares of the cell that holds each point, (N,) um."""
+        u: FloatArray = np.clip(
+            (x - self.x_um[0]) / self.spacing_um, 0, len(self.x_um) - 1.001
+        )
+        v: FloatArray = np.clip(
+            (y - self.y_um[0]) / self.spacing_um, 0, len(self.y_um) - 1.001
+        )
+        column, row = u.astype(np.intp), v.astype(np.intp)
         return column, row, u - column, v - row
 
-    def at(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return (rows, columns) values between four points, at (N,) points."""
+    def at(self, values: FloatArray, x: Reals, y: Reals) -> FloatArray:
+        """Return (rows, columns) values between four points, at (N,) um points."""
         column, row, u, v = self.corners(x, y)
         first = (1 - u) * values[row, column] + u * values[row, column + 1]
         after = (1 - u) * values[row + 1, column] + u * values[row + 1, column + 1]
         mixed: FloatArray = (1 - v) * first + v * after
         return mixed
 
-    def used(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return which points `at` reads for these places, (rows, columns) bool."""
+    def used(self, x: Reals, y: Reals) -> BoolArray:
+        """Return which points `at` reads at (N,) um places, (rows, columns) bool."""
         column, row, _, _ = self.corners(x, y)
         used = np.zeros((len(self.y_um), len(self.x_um)), dtype=bool)
         for down in (0, 1):
@@ -88,11 +99,15 @@ class PointLattice:
 def lattice_over(box: Box, spacing_um: float) -> PointLattice:
     """Return a lattice that reaches two points beyond a box."""
     x0, y0, x1, y1 = box
-    x, y = (
-        low + spacing_um * (np.arange(math.ceil((high - low) / spacing_um) + 5) - 2)
-        for low, high in ((x0, x1), (y0, y1))
+    across, down = (
+        np.arange(math.ceil(wide / spacing_um) + 5, dtype=float) - 2
+        for wide in (x1 - x0, y1 - y0)
     )
-    return PointLattice(x, y, spacing_um)
+    return PointLattice(
+        x_um=x0 + spacing_um * across,
+        y_um=y0 + spacing_um * down,
+        spacing_um=spacing_um,
+    )
 
 
 def widened(mask: BoolArray) -> BoolArray:

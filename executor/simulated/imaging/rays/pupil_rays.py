@@ -15,7 +15,7 @@ GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 def pupil_slopes(
     view: ImagingView, count: int, *, turn_rad: float = 0.0, share: float = 1.0
 ) -> FloatArray:
-    """Return slopes of rays that carry the same light each, (count, 2).
+    """Return slopes of rays that carry the same light, (count, 2).
 
     A pupil that keeps the sine condition passes light evenly over the sines; so does a
     face that scatters. The points are a spiral of sunflower seeds.
@@ -38,7 +38,8 @@ def pupil_slopes(
         raise ValueError(f"an aperture of {view.aperture * share} has no angle")
     slope = sine / np.sqrt(view.medium_index**2 - sine**2)
     angle = GOLDEN_RAD * i + turn_rad
-    return slope[:, None] * np.c_[np.cos(angle), np.sin(angle)]
+    slopes: FloatArray = slope[:, None] * np.c_[np.cos(angle), np.sin(angle)]
+    return slopes
 
 
 def beam_spread(view: ImagingView, count: int, *, share: float = 1.0) -> float:
@@ -49,7 +50,7 @@ def beam_spread(view: ImagingView, count: int, *, share: float = 1.0) -> float:
 
 
 def within_lamp(view: ImagingView, speed: FloatArray) -> FloatArray:
-    """Return 1 where a ray of a slope lies in the lamp's cone, else 0."""
+    """Return 1 where a ray of (N,) um per um lies in the lamp's cone, else 0."""
     sine = view.aperture * min(view.lamp_share, view.medium_index / view.aperture)
     steepest = sine / math.sqrt(max(view.medium_index**2 - sine**2, 1e-12))
     inside: FloatArray = (speed <= steepest * (1 + 1e-5)).astype(float)

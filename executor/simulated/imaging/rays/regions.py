@@ -28,13 +28,14 @@ class PlaneRegion:
     without: tuple[MappedBody, ...]  # in none of them
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return signed distances, negative within; nearly so at corners."""
-        return np.max(self._terms(x, y), axis=0)
+        """Return signed distances, (N,) um, negative within; nearly so at corners."""
+        away: FloatArray = np.max(self._terms(x, y), axis=0)
+        return away
 
     def drawn_in(
         self, x: FloatArray, y: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return points moved to the nearest of the region, and which got there."""
+        """Return (N,) um points moved into the region, and which got there."""
         x, y = x.copy(), y.copy()
         for _ in range(MOST_MOVES):
             terms = self._terms(x, y)
@@ -65,8 +66,8 @@ class PlaneRegion:
     ) -> tuple[FloatArray, FloatArray]:
         """Return unit vectors along which a term grows."""
         if term < len(self.without):
-            nx, ny = self.without[term].normal(x, y)
-            return -nx, -ny
+            bx, by = self.without[term].normal(x, y)
+            return -np.asarray(bx, float), -np.asarray(by, float)
         inner = [body.distance(x, y, exact=True) for body in self.within]
         nearest = np.argmin(inner, axis=0)
         nx, ny = np.zeros_like(x), np.zeros_like(y)
@@ -79,7 +80,7 @@ class PlaneRegion:
 def moved_outside(
     x: FloatArray, y: FloatArray, bodies: Sequence[MappedBody]
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return points moved out of bodies, and which of them are out."""
+    """Return (N,) um points moved out of bodies, and which of them are out."""
     if not bodies:
         return x, y, np.ones(len(x), dtype=bool)
     return PlaneRegion(OPEN, (), tuple(bodies)).drawn_in(x, y)

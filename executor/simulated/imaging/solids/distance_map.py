@@ -43,7 +43,7 @@ class DistanceMap:
         return pitch * math.sqrt(0.5) if pitch <= NEAREST_UM else 0.1 * pitch
 
     def quick(self, x: Reals, y: Reals) -> npt.NDArray[np.float32]:
-        """Return distances at points in the body's frame, within `coarseness_um`."""
+        """Return distances at (...) um points of the body, within `coarseness_um`."""
         if self.pitch_um > NEAREST_UM:
             return self.exact(x, y).astype(np.float32)
         rows, columns = self.values.shape

@@ -30,15 +30,21 @@ def box(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float]
 
 def outline(rings: Sequence[Ring]) -> PlaneOutline:
     """Return the camera's outline of rings."""
-    made = []
+    made: list[tuple[tuple[float, ...], ...]] = []
     for ring in rings:
         if isinstance(ring[0], float):
-            x, y, radius = ring
-            made.append(((x, y, radius, 0.0, 2 * math.pi),))
+            made.append(((*_numbers(ring), 0.0, 2 * math.pi),))
         else:
-            ends = (*ring[1:], ring[0])
-            made.append(tuple((*a, *b) for a, b in zip(ring, ends, strict=True)))  # type: ignore[misc]
-    return PlaneOutline(tuple(made))  # type: ignore[arg-type]
+            corners = [_numbers(corner) for corner in ring]
+            ends = (*corners[1:], corners[0])
+            made.append(tuple((*a, *b) for a, b in zip(corners, ends, strict=True)))
+    return PlaneOutline(tuple(made))
+
+
+def _numbers(found: object) -> tuple[float, ...]:
+    """Return a tuple of numbers as what it is."""
+    assert isinstance(found, tuple)
+    return found
 
 
 def body(

@@ -88,20 +88,11 @@ def follow(
     x, y, z = at
     weight = 1.0
     while True:
-        ways = [(abs((p.high if k else p.low) - z), i, k)
-                for i, p in enumerate(prisms) for k in (0, 1)
-                if up * ((p.high if k else p.low) - z) > NEAR]  # fmt: skip
-        step = min([w for w, _, _ in ways], default=math.inf)
+        heights = [h for p in prisms for h in (p.low, p.high)]
+        step = min([up * (h - z) for h in heights if up * (h - z) > NEAR], default=1e9)
         if up < 0:
             step = min(step, z)
-        last = math.isinf(step)
-        wall: tuple[float, int, float, float] | None = None
-        for i, p in enumerate(prisms):
-            middle = z + up * min(step, 1e9) / 2
-            if p.low < middle < p.high:
-                for way, nx, ny in crossings(p, x, y, u, v):
-                    if NEAR < way < step and (wall is None or way < wall[0]):
-                        wall = (way, i, nx, ny)
+        wall = first_wall(prisms, (x, y, z + up * step / 2), u, v, step)
         if wall is not None:
             way, i, nx, ny = wall
             weight *= prisms[i].wall
@@ -111,16 +102,28 @@ def follow(
             dot = u * nx + v * ny
             u, v = u - 2 * dot * nx, v - 2 * dot * ny
             continue
-        if last:
+        if step == 1e9:
             return x, y, z, -2, weight, u, v
         x, y, z = x + step * u, y + step * v, z + up * step
         for i, p in enumerate(prisms):
-            if up < 0 and abs(p.high - z) < NEAR and inside(p, x, y):
-                return x, y, z, i, weight, u, v
-            if up > 0 and abs(p.low - z) < NEAR and inside(p, x, y):
-                return x, y, z, i, 0.0, u, v
+            if abs((p.low if up > 0 else p.high) - z) < NEAR and inside(p, x, y):
+                return x, y, z, i, weight if up < 0 else 0.0, u, v
         if up < 0 and z < NEAR:
             return x, y, 0.0, -1, weight, u, v
+
+
+def first_wall(
+    prisms: list[Prism], at: tuple[float, float, float], u: float, v: float, step: float
+) -> tuple[float, int, float, float] | None:
+    """Return the way to the first wall within a step, whose it is, and its normal."""
+    x, y, middle = at
+    first: tuple[float, int, float, float] | None = None
+    for i, p in enumerate(prisms):
+        if p.low < middle < p.high:
+            for way, nx, ny in crossings(p, x, y, u, v):
+                if NEAR < way < step and (first is None or way < first[0]):
+                    first = (way, i, nx, ny)
+    return first
 
 
 def directions(aperture: float, count: int, seed: int) -> list[tuple[float, float]]:
