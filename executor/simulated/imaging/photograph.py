@@ -48,7 +48,8 @@ SKIRT_UM = 12.0  # beyond that: what lies outside sends less than .003 into it
 NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
 GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
 TILE_PX = 220  # larger windows are taken in pieces
-KEPT = 6  # prepared scenes
+KEPT = 6  # scenes
+MOST_RAYS = 2_500_000  # through a plane's points
 
 
 def photograph(
@@ -125,8 +126,9 @@ class PhotographedScene:
         self._stage_reflectance = scene.stage_reflectance
         self._sampling = sampling
         self._bodies = tuple(mapped(body, middle) for body in scene.bodies)
-        self._slopes = pupil_slopes(view, sampling.rays, turn_rad=sampling.turn_rad)
-        self._pictures: dict[float | None, RayPicture] = {}
+        self._pictures: dict[tuple[float | None, int], RayPicture] = {}
+        self._solids: dict[float | None, Solids] = {}
+        self._lights: dict[float | None, FaceLight] = {}
         self._planes: dict[tuple[float, Box], SharpPlane] = {}
 
     def picture(
@@ -147,16 +149,14 @@ class PhotographedScene:
         if abs(defocus_um) <= SHARP_UM:
             seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
             return between(seen, column, row)
-        bodies = self._picture(at_um).solids.bodies
+        bodies = self._snapped(at_um).bodies
         ends = (min(focus_um, at_um), max(focus_um, at_um))
         crossing = tuple(
             b for b in bodies if b.bottom_um <= ends[0] and ends[1] < b.top_um
         )
         flat = plane.uncut if crossing else plane.radiance
         image = between(blurred(flat, plane.step_um, view, defocus_um), column, row)
-        rays = Refocused(
-            plane, self._slopes, self._chief, blur_um, -defocus_um, crossing
-        )
+        rays = Refocused(plane, self._chief, blur_um, -defocus_um, crossing)
         rest = blurred(rays.remainder(), plane.step_um, view, 0.0)
         px, py = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
         column, row = (
@@ -182,10 +182,11 @@ class PhotographedScene:
 
     def _by_rays(self, pixels: FieldMap, focus_um: float) -> FloatArray:
         """Return the picture by rays alone."""
-        picture = self._picture(None)
-        spacing = self._spacing(picture.solids, focus_um, ())
+        solids = self._snapped(None)
+        spacing = self._spacing(solids, focus_um, ())
         x, y = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
         lattice = lattice_over(_grown(x, y, 0.0), spacing)
+        picture = self._picture(None, lattice.points()[0].size)
         values = picture.through(*lattice.points(), focus_um)
         grid = values.reshape(len(lattice.y_um), len(lattice.x_um))
         return lattice.smooth_at(grid, x, y)
@@ -198,13 +199,14 @@ class PhotographedScene:
         )
         key = (at_um, (box[0], box[1], box[2], box[3]))
         if key not in self._planes:
-            picture = self._picture(at_um)
-            spacing = self._spacing(picture.solids, at_um, (at_um,))
+            spacing = self._spacing(self._snapped(at_um), at_um, (at_um,))
             spacing = min(spacing, self._sampling.plane_spacing_um)
-            step_um = self._sampling.fine_um
+            x0, y0, x1, y1 = key[1]
+            points = round((x1 - x0) * (y1 - y0) / spacing**2)
             self._planes[key] = sharp_plane(
-                picture, at_um, key[1], SKIRT_UM, step_um, spacing
-            )
+                self._picture(at_um, points), at_um, key[1],
+                SKIRT_UM, self._sampling.fine_um, spacing,
+            )  # fmt: skip
         return self._planes[key]
 
     def _spacing(
@@ -221,27 +223,34 @@ class PhotographedScene:
             np.clip(fine.spacing * blur_um, fine.least_spacing_um, fine.most_spacing_um)
         )
 
-    def _picture(self, sharp_um: float | None) -> RayPicture:
-        """Return the rays' scene, with what is near to the sharp plane put into it."""
-        if sharp_um not in self._pictures:
+    def _picture(self, sharp_um: float | None, points: int) -> RayPicture:
+        """Return rays for so many points: fewer through each where there are many."""
+        fine, solids = self._sampling, self._snapped(sharp_um)
+        count = int(np.clip(MOST_RAYS / points, fine.least_rays, fine.rays))
+        if (sharp_um, count) not in self._pictures:
+            self._pictures[sharp_um, count] = RayPicture(
+                solids=solids,
+                light=self._lights[sharp_um],
+                slopes=pupil_slopes(self._view, count, turn_rad=fine.turn_rad),
+                spread=beam_spread(self._view, count),
+                chief=self._chief,
+            )
+        return self._pictures[sharp_um, count]
+
+    def _snapped(self, sharp_um: float | None) -> Solids:
+        """Return the bodies, with what is near to the sharp plane put into it."""
+        if sharp_um not in self._solids:
             bodies = tuple(_put_into(body, sharp_um) for body in self._bodies)
-            stage_um = _snapped(self._stage_um, sharp_um)
-            solids = Solids(bodies, stage_um)
-            high_um = solids.sky_um - stage_um
+            solids = Solids(bodies, _snapped(self._stage_um, sharp_um))
+            high_um = solids.sky_um - solids.stage_um
             # no window is larger than a tile, and no ray goes farther aside
             reach = TILE_PX / self._view.px_per_um + 2 * self._view.steepest * high_um
-            light = FaceLight(
+            self._solids[sharp_um] = solids
+            self._lights[sharp_um] = FaceLight(
                 solids, self._stage_reflectance, self._view, self._sampling,
                 (-reach, -reach, reach, reach),
             )  # fmt: skip
-            self._pictures[sharp_um] = RayPicture(
-                solids,
-                light,
-                self._slopes,
-                beam_spread(self._view, self._sampling.rays),
-                self._chief,
-            )
-        return self._pictures[sharp_um]
+        return self._solids[sharp_um]
 
     def _chief(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return slopes of the middle rays at points from the image's middle."""

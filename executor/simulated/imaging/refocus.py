@@ -28,7 +28,6 @@ class Refocused:
     """Rays through a plane, gathered in another one."""
 
     plane: SharpPlane
-    slopes: FloatArray  # (count, 2)
     chief: Chief
     blur_um: float  # radius of a point's blur
     drop_um: float  # from the focus down to the plane
@@ -88,7 +87,7 @@ class Refocused:
 
     def _at(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the remainder at points of the focal plane, (N,)."""
-        many = max(1, MOST_LOOKS // len(self.slopes))
+        many = max(1, MOST_LOOKS // len(self.plane.slopes))
         parts = [
             self._some(x[i : i + many], y[i : i + many]) for i in range(0, len(x), many)
         ]
@@ -100,7 +99,7 @@ class Refocused:
         drop = np.float32(self.drop_um)
         qx, qy = (
             (at + self.drop_um * tilt).astype(np.float32)[:, None]
-            + drop * self.slopes[:, k].astype(np.float32)
+            + drop * self.plane.slopes[:, k].astype(np.float32)
             for k, (at, tilt) in enumerate(((x, tilt_x), (y, tilt_y)))
         )
         cell = self.plane.cell(qx, qy)

@@ -45,6 +45,7 @@ class SharpPlane:
     lattice: PointLattice
     # (regions, rows, columns, directions), on the lattice, less the mean of directions
     light: Reals32
+    slopes: FloatArray  # (directions, 2), um per um
 
     def cell(self, x: Reals32, y: Reals32) -> npt.NDArray[np.int32]:
         """Return the fine grid's nearest point to (...) um points, as a flat index."""
@@ -59,8 +60,8 @@ class SharpPlane:
     def towards(self, x: Reals32, y: Reals32, at: npt.NDArray[np.int32]) -> Reals32:
         """Return by how much directions are brighter at points, (N, directions).
 
-        `x`, `y` : (N, directions) um float arrays, of which column k looks along direction
-        k; `at` : their cells of the fine grid.
+        `x`, `y` : (N, directions) um float arrays, column k along direction k;
+        `at` : their cells of the fine grid.
         """
         rows, columns, count = self.light.shape[1:]
         spacing = np.float32(1 / self.lattice.spacing_um)
@@ -111,8 +112,13 @@ def sharp_plane(
     lattice = lattice_over(box, spacing_um)
     solids = picture.solids
     regions = regions_of(solids.bodies, at_um, stage=solids.stage_um == at_um)
-    light = [_light(picture, region, at_um, lattice) for region in regions]
-    means = [values.mean(axis=2, dtype=float) for values in light]
+    shape = (len(regions), len(lattice.y_um), len(lattice.x_um), len(picture.slopes))
+    light = np.empty(shape, dtype=np.float32)
+    means = []
+    for k, region in enumerate(regions):
+        light[k] = _light(picture, region, at_um, lattice)
+        means.append(light[k].mean(axis=2, dtype=float))
+        light[k] -= means[k][:, :, None].astype(np.float32)
     shades = [lattice.smooth(mean, x, y) for mean in means]
     gx, gy = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
     away = [_within(region, gx, gy) for region in regions]
@@ -130,10 +136,8 @@ def sharp_plane(
         edge_um=np.min([np.abs(a) for a in away], axis=0),
         region=np.argmax(np.array(away) < 0, axis=0).astype(np.uint8),
         lattice=lattice,
-        light=np.array(
-            [v - m[:, :, None] for v, m in zip(light, means, strict=True)],
-            dtype=np.float32,
-        ),
+        light=light,
+        slopes=picture.slopes,
     )
 
 
