@@ -48,6 +48,7 @@ SKIRT_UM = 12.0  # beyond that: what lies outside sends less than .003 into it
 NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
 GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
 TILE_PX = 220  # larger windows are taken in pieces
+FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
 KEPT = 6  # scenes
 MOST_RAYS = 2_500_000  # through a plane's points
 
@@ -125,7 +126,11 @@ class PhotographedScene:
         self._stage_um = round(scene.stage_um, HEIGHT_DIGITS)
         self._stage_reflectance = scene.stage_reflectance
         self._sampling = sampling
-        self._bodies = tuple(mapped(body, middle) for body in scene.bodies)
+        self._bodies = tuple(
+            mapped(body, middle)
+            for body in scene.bodies
+            if body.away_um(*middle) < _reach_um(scene, view)
+        )
         self._pictures: dict[tuple[float | None, int], RayPicture] = {}
         self._solids: dict[float | None, Solids] = {}
         self._lights: dict[float | None, FaceLight] = {}
@@ -267,7 +272,8 @@ def _prepared(
     sampling: RaySampling,
 ) -> PhotographedScene:
     """Return a scene's planes and shading, from an earlier picture if there is one."""
-    lasting = replace(view, focus_um=0.0, shift_um=(0.0, 0.0), lamp=LampLevel())
+    about_um = FOCUS_GRAIN_UM * round(view.focus_um / FOCUS_GRAIN_UM)
+    lasting = replace(view, focus_um=about_um, shift_um=(0.0, 0.0), lamp=LampLevel())
     key = (scene, lasting, middle, sampling)
     if key not in _RECENT:
         _RECENT[key] = PhotographedScene(scene, lasting, middle, sampling)
@@ -275,6 +281,19 @@ def _prepared(
             _RECENT.popitem(last=False)
     _RECENT.move_to_end(key)
     return _RECENT[key]
+
+
+def _reach_um(scene: SolidScene, view: ImagingView) -> float:
+    """Return how far from an image's middle a body may matter.
+
+    From the farthest pixel of a tile and its skirt light goes down to the stage and up
+    again to the highest face.
+    """
+    high_um = max((body.top_um for body in scene.bodies), default=scene.stage_um)
+    most_um = max(high_um, view.focus_um) - min(scene.stage_um, view.focus_um)
+    most_um += FOCUS_GRAIN_UM / 2
+    tile_um = TILE_PX / view.px_per_um
+    return tile_um + SKIRT_UM + NEAR_UM + 2 * view.steepest * most_um
 
 
 def _put_into(body: MappedBody, sharp_um: float | None) -> MappedBody:

@@ -41,6 +41,12 @@ class SolidBody:
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{self.name}: {name} must be 0 to 1")
 
+    def away_um(self, x_um: float, y_um: float) -> float:
+        """Return how far a point of the world is from the outline's box, at least."""
+        x0, y0, x1, y1 = self.outline.box
+        u, v = self.pose.inverse().apply(x_um, y_um)
+        return math.hypot(max(x0 - u, u - x1, 0.0), max(y0 - v, v - y1, 0.0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolidScene:
