@@ -89,8 +89,9 @@ def test_surfaces_are_drawn_from_their_intervals() -> None:
     plain = world()
     gear = replace(plain.parts[0], wall_reflectance=(0.2, 0.6), finish=(0.5, 0.5))
     rough = replace(plain, parts=(gear, *plain.parts[1:]))
-    drawn = [build_cell(rough, seed).truth.surfaces for seed in range(200)]
+    drawn = [build_cell(rough, seed).truth.surfaces for seed in range(60)]
     walls = np.array([found["gear"].wall_reflectance for found in drawn])
+    # of 60 uniform draws none in the lowest or highest eighth: 3e-4 each
     assert 0.2 <= walls.min() < 0.25
     assert 0.55 < walls.max() <= 0.6
     assert all(found["gear"].finish == 0.5 for found in drawn)
