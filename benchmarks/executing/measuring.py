@@ -29,6 +29,7 @@ from microplan.executor.simulated.hub import read_world
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Failure, Guess
 from microplan.optics.lens.displacement import displaced
+from microplan.optics.lens.lens import LensErrors
 from microplan.optics.transfer.microscope import Microscope
 from microplan.schemas.files.world import World, WorldAxes
 from microplan.schemas.plan import Look, Plan, Region, Step, VerifyAction, parse_plan
@@ -217,7 +218,14 @@ def _imaged_um(cell: Cell, x_um: float, y_um: float) -> tuple[float, float]:
         width_px=optics.width_px,
         height_px=optics.height_px,
     )
-    x, y = displaced((x_um, y_um), lens.errors, scope).tolist()
+    true = LensErrors(
+        distortion=lens.errors.distortion,
+        lateral_x=lens.errors.lateral_x,
+        lateral_y=lens.errors.lateral_y,
+        scale_per_um=lens.errors.scale_per_um,
+        field_curvature_per_um=lens.errors.field_curvature_per_um,
+    )
+    x, y = displaced((x_um, y_um), true, scope).tolist()
     return (x, y)
 
 

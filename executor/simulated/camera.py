@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts, Frame
 from microplan.executor.simulated.faults import Faults
-from microplan.executor.simulated.lens import SimLens
-from microplan.executor.simulated.shapes import outline_of
+from microplan.executor.simulated.imaging.imaging_view import LampLevel, PixelWindow
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
-from microplan.executor.simulated.truth import TrueBody, Truth
-from microplan.optics.layers.shading import render_coaxial
-from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.sensor import Sensor, expose
-from microplan.optics.outline.outline import Outline, place
-from microplan.optics.render.scene import Illumination, Layer, Scene, Window
-from microplan.optics.transfer.microscope import Microscope
 from microplan.schemas.files.world import WorldOptics
 from microplan.schemas.plan import Region
-from microplan.schemas.pose import Pose
 
-# Another defocus model than the compiler's: the cell must not share its mistakes.
-BLUR_LAW = "stokseth"
 SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
 UNEVEN = (0.6, 0.4)  # relative change of light across the field, `uneven_light`
 STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
@@ -62,13 +50,35 @@ class SimLight:
         """Be where `state` says."""
         self._level = data["level"]
 
-    def now(self) -> Illumination:
-        """Return the illumination."""
+    def now(self) -> LampLevel:
+        """Return the light as it is now."""
         x, y = self._gradient
         if self._faults.on("uneven_light"):
             x, y = UNEVEN
         level = 0.0 if self._faults.on("light_out") else self._level
-        return Illumination(gain=level, gradient_x=x, gradient_y=y)
+        return LampLevel(level=level, gradient_x=x, gradient_y=y)
+
+
+class Pictures(Protocol):
+    """What draws the true world: rays and waves, or the compiler's own renderer."""
+
+    def image(
+        self,
+        window: PixelWindow,
+        lamp: LampLevel,
+        *,
+        height_px: int,
+        scale: float,
+    ) -> FloatArray:
+        """Return a part of a frame so high, as a share of full scale.
+
+        `scale` times the true magnification is what the lens shows.
+        """
+        ...
+
+    def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
+        """Return what the sensor makes of a picture."""
+        ...
 
 
 class SimCamera:
@@ -77,7 +87,7 @@ class SimCamera:
     def __init__(
         self,
         timeline: Timeline,
-        lens: SimLens,
+        pictures: Pictures,
         light: SimLight,
         rng: np.random.Generator,
         faults: Faults,
@@ -85,7 +95,7 @@ class SimCamera:
         self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
         self._truth = timeline.truth
-        self._lens = lens
+        self._pictures = pictures
         self._light = light
         self._rng = rng
         self._faults = faults
@@ -110,21 +120,15 @@ class SimCamera:
 
     def _counts(self, region: Region | None) -> Counts:
         """Return what the sensor makes of the picture."""
-        optics = self._truth.world.optics
-        sensor = Sensor(
-            full_well_e=optics.full_well_e,
-            read_noise_e=optics.read_noise_e,
-            bits=optics.bits,
-        )
         window = self._window(region)
         if self._faults.on("swap_camera"):
             image = self._swapped(window)
         else:
-            image = self._image(window)
-        counts: Counts = expose(image, sensor, self._rng)
+            image = self._image(window, self._truth.world.optics.height_px)
+        counts = self._pictures.counts(image, self._rng)
         return counts[:, ::-1] if self._faults.on("mirror_camera") else counts
 
-    def _swapped(self, window: Window | None) -> FloatArray:
+    def _swapped(self, at: PixelWindow) -> FloatArray:
         """Return a picture with x and y of the world swapped.
 
         Pixel (row, column) shows what a square sensor of the frame's width would show
@@ -132,116 +136,35 @@ class SimCamera:
         """
         optics = self._truth.world.optics
         wide, high = optics.width_px, optics.height_px
-        at = window or Window(row=0, column=0, rows=high, columns=wide)
-        square = Window(
+        square = PixelWindow(
             row=wide - at.column - at.columns,
             column=(wide + high) // 2 - at.row - at.rows,
             rows=at.columns,
             columns=at.rows,
         )
-        return self._image(square, height_px=wide)[::-1, ::-1].T
+        return self._image(square, wide)[::-1, ::-1].T
 
-    def _image(
-        self, window: Window | None, *, height_px: int | None = None
-    ) -> FloatArray:
+    def _image(self, window: PixelWindow, height_px: int) -> FloatArray:
         """Return what falls on the sensor, as a share of full scale."""
-        microscope, focus_um = self._microscope(height_px), self._lens.focus_um
-        lamp = self._truth.world.optics.lamp_share * microscope.aperture
-        errors = self._lens.errors
-        return render_coaxial(
-            lens_scene(scene_of(self._truth), microscope, errors, focus_um),
-            microscope,
-            focus_um=focus_um,
-            lamp_aperture=lamp or None,
-            model=BLUR_LAW,
-            window=window,
-            light=self._light.now(),
-            shift_um=self._lens.shift_um,
-        )
-
-    def _microscope(self, height_px: int | None = None) -> Microscope:
-        """Return the true optical setting."""
-        optics = self._truth.world.optics
         scale = SCALED if self._faults.on("scale_camera") else 1.0
-        return Microscope(
-            aperture=self._lens.aperture,
-            wavelength_um=optics.wavelength_um,
-            medium_index=optics.medium_index,
-            magnification=scale * self._lens.magnification,
-            pitch_um=optics.pitch_um,
-            width_px=optics.width_px,
-            height_px=height_px or optics.height_px,
-            fill_factor=optics.fill_factor,
+        return self._pictures.image(
+            window, self._light.now(), height_px=height_px, scale=scale
         )
 
-    def _window(self, region: Region | None) -> Window | None:
+    def _window(self, region: Region | None) -> PixelWindow:
         """Return the region on the sensor; a mirrored camera reads the other side."""
+        optics = self._truth.world.optics
         if region is None:
-            return None
-        optics, column = self._truth.world.optics, region.column
+            region = Region(
+                row=0, column=0, rows=optics.height_px, columns=optics.width_px
+            )
+        column = region.column
         right, bottom = column + region.columns, region.row + region.rows
         outside = right > optics.width_px or bottom > optics.height_px
         if outside or min(region.row, column) < 0:
             raise ValueError(f"the camera has no {region}")
         if self._faults.on("mirror_camera"):
             column = optics.width_px - right
-        return Window(
+        return PixelWindow(
             row=region.row, column=column, rows=region.rows, columns=region.columns
         )
-
-
-def scene_of(truth: Truth) -> Scene:
-    """Return every top face where it truly is."""
-    bodies = (_layers(truth, truth.bodies[name]) for name in sorted(truth.bodies))
-    layers = itertools.chain(_fingers(truth), *bodies)
-    return Scene(
-        layers=tuple(layers),
-        background=truth.world.stage_reflectance,
-        background_z_um=truth.stage_z_um(),
-    )
-
-
-def _layers(truth: Truth, body: TrueBody) -> Iterator[Layer]:
-    """Yield a body's face, the tops of its posts, and the marks on them."""
-    part, top_um = body.part, truth.top_um(body)
-    faces = [(part.name, body.outline, top_um, part.reflectance)]
-    faces += [
-        (post.name, post.outline, top_um + post.height_um, post.reflectance)
-        for post in body.posts
-    ]
-    for name, outline, z_um, reflectance in faces:
-        marks = [m for m in part.marks if m.on == name]
-        shapes = [outline_of(mark.outline) for mark in marks]
-        holes = tuple(ring.reversed() for shape in shapes for ring in shape.rings)
-        seen = [(name, Outline(rings=outline.rings + holes), reflectance)]
-        seen += [(m.name, o, m.reflectance) for m, o in zip(marks, shapes, strict=True)]
-        for shown, edges, share in seen:
-            yield Layer(
-                name=shown,
-                outline=_at(edges, truth.pose(body)),
-                z_um=z_um,
-                reflectance=share,
-            )
-
-
-def _fingers(truth: Truth) -> Iterator[Layer]:
-    """Yield the tops of both fingers."""
-    tool = truth.tool
-    if tool is None:
-        return
-    grip = truth.grip_pose()
-    for side, name, outline in zip(
-        (-1, 1), ("left", "right"), truth.fingers, strict=True
-    ):
-        x_um = side * truth.opening_um / 2
-        yield Layer(
-            name=f"{tool.name}.{name}",
-            outline=_at(outline, grip.compose(Pose(x_um=x_um, y_um=0.0))),
-            z_um=truth.grip_z_um() + tool.thickness_um,
-            reflectance=tool.reflectance,
-        )
-
-
-def _at(outline: Outline, pose: Pose) -> Outline:
-    """Return an outline at a pose."""
-    return place(outline, pose.x_um, pose.y_um, pose.theta_rad)

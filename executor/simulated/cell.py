@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from microplan.executor.devices.safety import Rules, Settle, Speeds
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.simulated.axes import DriveError, SimAxes
-from microplan.executor.simulated.camera import SimCamera, SimLight
+from microplan.executor.simulated.camera import Pictures, SimCamera, SimLight
+from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.gripper import SimGripper
 from microplan.executor.simulated.judging import Verdict, judge
@@ -22,8 +25,11 @@ from microplan.schemas.files.world import World, WorldAxes
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
-    "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens",
+    "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens", "surface",
 )  # fmt: skip
+
+CameraKind = Literal["solid", "quick"]
+CAMERA_VARIABLE = "MICROPLAN_SIM_CAMERA"  # of the environment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +97,7 @@ def build_cell(
     faults: Iterable[str] = (),
     *,
     drives: Mapping[str, DriveError] | None = None,
+    camera: CameraKind | None = None,
 ) -> Cell:
     """Return a cell whose errors are drawn from `seed`.
 
@@ -104,6 +111,10 @@ def build_cell(
         Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
     drives : mapping of str to DriveError
         By "stage" and "robot"; a drive that is left out is where it reads.
+    camera : "solid", "quick" or None
+        Solid bodies seen by the cell's own rays and waves, or the compiler's renderer:
+        quick, and no judge of an image. None: what the environment's
+        `MICROPLAN_SIM_CAMERA` says, else quick.
     """
     rng, made = _generators(seed), drives or {}
     wrong = Faults(faults)
@@ -119,7 +130,8 @@ def build_cell(
     lens = _lens(timeline, rng, wrong)
     light = SimLight(world.optics, rng["light"], wrong)
     clock = SimClock(timeline)
-    camera = SimCamera(timeline, lens, light, rng["noise"], wrong)
+    pictures = _pictures(camera, truth, lens)
+    eye = SimCamera(timeline, pictures, light, rng["noise"], wrong)
     stick = 0.0 if truth.tool is None else truth.tool.stick_probability
     jaws = SimGripper(timeline, rng["stick"], DeviceFaults(wrong, "jaws"), stick=stick)
     station = Station(
@@ -128,16 +140,29 @@ def build_cell(
         gripper=None if truth.tool is None else jaws,
         lens=lens,
         light=light,
-        camera=camera,
+        camera=eye,
         clock=clock,
         offer=offer_of(world),
         rules=rules_of(world),
     )
     return Cell(
         truth=truth, station=station, stage=stage, robot=robot, jaws=jaws, lens=lens,
-        light=light, camera=camera, clock=clock, faults=wrong, timeline=timeline,
+        light=light, camera=eye, clock=clock, faults=wrong, timeline=timeline,
         draws=rng,
     )  # fmt: skip
+
+
+def _pictures(asked: CameraKind | None, truth: Truth, lens: SimLens) -> Pictures:
+    """Return what the camera shows the world by."""
+    kind = asked or os.environ.get(CAMERA_VARIABLE, "quick")
+    if kind == "quick":
+        # optics only for who asks for it
+        from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
+
+        return QuickPictures(truth, lens)
+    if kind != "solid":
+        raise ValueError(f"the camera is solid or quick, not {kind!r}")
+    return SolidPictures(truth, lens)
 
 
 def _lens(

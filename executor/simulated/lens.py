@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from microplan.executor.simulated.imaging.imaging_view import TrueLensErrors
 from microplan.executor.simulated.timeline import DelayedDevice, DeviceFaults, Timeline
-from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 from microplan.schemas.files.world import WorldLens
 
-# Not the aperture of the data sheet: with the compiler's own model it were no judge.
-APERTURE_RATIO = 1.02
+MAX_DISTORTION = 0.25  # relative at the corner; a third would fold the field over
 _MOST_SINE = 0.999  # of the marginal ray
 LIMIT_DIGITS = 1e-5  # relative: a plan's numbers carry six digits
 
@@ -26,7 +25,7 @@ class SimLens(DelayedDevice):
         timeline: Timeline,
         rngs: tuple[np.random.Generator, np.random.Generator],  # zoom, focus
         lateral: tuple[float, float],
-        errors: LensErrors,
+        errors: TrueLensErrors,
         trouble: DeviceFaults,
     ) -> None:
         super().__init__(timeline, trouble)
@@ -101,7 +100,7 @@ class SimLens(DelayedDevice):
         """Return the true aperture at the zoom that was set."""
         zoom, aperture = np.log(np.array(self._optics.apertures)).T
         stated = math.exp(np.interp(math.log(self._commanded[0]), zoom, aperture))
-        return min(stated * APERTURE_RATIO, _MOST_SINE * self._optics.medium_index)
+        return min(stated, _MOST_SINE * self._optics.medium_index)
 
     def _check(self, name: str, value: float, within: tuple[float, float]) -> None:
         """Refuse what the drive cannot reach; limits come in six digits."""
@@ -141,11 +140,11 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
     return (values[0], values[1])
 
 
-def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
+def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> TrueLensErrors:
     """Return the true errors of the lens: the known part and a draw of the unknown."""
     distortion, scale, curvature = rng.standard_normal(3)
     true = lens.distortion + lens.distortion_sigma * distortion
-    return LensErrors(
+    return TrueLensErrors(
         distortion=max(min(true, MAX_DISTORTION), -MAX_DISTORTION),
         lateral_x=lens.lateral_um_per_um[0],
         lateral_y=lens.lateral_um_per_um[1],

@@ -16,14 +16,13 @@ from microplan.executor.simulated.outlines.fabricated import (
     fabricated_ring,
 )
 from microplan.executor.simulated.shapes import (
+    Fabricated,
     boundary,
     is_hole,
     made_post,
-    outline_of,
     polygons,
     ring_of,
 )
-from microplan.optics.outline.outline import Outline
 from microplan.schemas.files.world import (
     World,
     WorldAxes,
@@ -57,9 +56,9 @@ def made_truth(
         tool=world.tools[0] if world.tools else None,
         tilt=(float(tilt[0]), float(tilt[1])),
         drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
+        surfaces=_surfaces(world, rng["surface"]),
     )
     if truth.tool is not None:
-        truth.fingers = (outline_of(truth.tool.left), outline_of(truth.tool.right))
         drawn = (truth.tool.left, truth.tool.right)
         truth.finger_rings = tuple(polygons(shape)[0] for shape in drawn)
         truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
@@ -97,7 +96,7 @@ def _body(
     edge = boundary(rings)
     return TrueBody(
         part=part,
-        outline=outline_of(part.outline, shown),
+        made=shown,
         holes=tuple(hole for hole in holes.values() if hole is not None),
         posts=tuple(_post(post, rng["profile"]) for post in part.posts),
         edge=edge,
@@ -153,7 +152,7 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
         raise ValueError(f"{post.name} is thinner than its profile tolerance")
     return TruePost(
         name=post.name,
-        outline=outline_of(post.outline, made if offset_um else None),
+        made=made if offset_um else {},
         center_um=post.center_um,
         offset_um=offset_um,
         ring=ring,
@@ -162,6 +161,34 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
         rings=polygons(post.outline, made),
         edge=boundary(polygons(post.outline, made)),
     )
+
+
+def _surfaces(world: World, rng: np.random.Generator) -> dict[str, TrueSurface]:
+    """Return how every body's walls and top face reflect, drawn from its intervals."""
+    found = {}
+    for part in world.parts:
+        found[part.name] = _surface(part, rng)
+        for post in part.posts:
+            found[post.name] = _surface(post, rng)
+    for tool in world.tools:
+        found[tool.name] = _surface(tool, rng)
+    return found
+
+
+def _surface(
+    body: WorldPart | WorldPost | WorldTool, rng: np.random.Generator
+) -> TrueSurface:
+    """Return one body's draw."""
+    wall, finish = (rng.uniform(*ends) for ends in (body.wall_reflectance, body.finish))
+    return TrueSurface(wall_reflectance=float(wall), finish=float(finish))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueSurface:
+    """How a body reflects."""
+
+    wall_reflectance: float  # 0: black walls
+    finish: float  # share of the top face's light that a mirror gives back
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +206,7 @@ class TruePost:
     """A post as it was made, in its part's frame."""
 
     name: str
-    outline: Outline
+    made: Fabricated  # rings that are not as drawn
     center_um: tuple[float, float]  # as drawn
     offset_um: float  # of its edges, along their normals; positive: larger
     ring: FabricatedRing  # the outermost
@@ -194,7 +221,7 @@ class TrueBody:
     """A part as it was made, and where it truly is."""
 
     part: WorldPart
-    outline: Outline
+    made: Fabricated  # rings that are not as drawn
     holes: tuple[TrueHole, ...]
     posts: tuple[TruePost, ...]
     edge: FloatArray  # boundary points in the part's frame
@@ -227,8 +254,8 @@ class Truth:
     stage: AxisState
     robot: AxisState
     tool: WorldTool | None
-    fingers: tuple[Outline, ...] = ()  # left, right, jaws closed
     finger_rings: tuple[FloatArray, ...] = ()  # the same as polygons
+    surfaces: Mapping[str, TrueSurface] = field(default_factory=dict)  # by body
     tip_y_um: float = 0.0  # of the fingers in the grip's frame
     opening_um: float = 0.0
     held: str = ""

@@ -41,6 +41,10 @@ class WorldPost:
     center_um: tuple[float, float]  # of its circle
     radius_um: float  # of its circle
     profile_tolerance_um: float  # hard limit of the edge offset
+    # of the walls, least and most; 0: black
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)
+    # share of the top face's light that a mirror gives back, least and most
+    finish: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +83,10 @@ class WorldPart:
     sigma_xy_um: float  # of the start, per axis
     sigma_theta_rad: float  # of the start
     marks: tuple[WorldMark, ...] = ()  # on its top face and on its posts'
+    # of the walls, least and most; 0: black
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)
+    # share of the top face's light that a mirror gives back, least and most
+    finish: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +101,10 @@ class WorldTool:
     opening_um: tuple[float, float]  # smallest and largest
     start_opening_um: float  # before step 1
     stick_probability: float  # that a released part follows a finger
+    # of the walls, least and most; 0: black
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)
+    # share of the top face's light that a mirror gives back, least and most
+    finish: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,8 +126,7 @@ class WorldAxes:
 class WorldLens:
     """Systematic errors of the lens as stated, and one sigma of what is not known.
 
-    As in `microplan.optics.lens.lens.LensErrors`: by the defocus of a point, not by the
-    focus travel.
+    By the defocus of a point, its height less the focus, not by the focus travel.
     """
 
     distortion: float = 0.0  # radial, relative at the field's corner

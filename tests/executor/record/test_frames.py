@@ -16,9 +16,10 @@ from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.measure_target import look_at
 from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cameras.quick_outlines import outline_of
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.outlines.fabricated import fabricated_ring
-from microplan.executor.simulated.shapes import is_hole, outline_of
+from microplan.executor.simulated.shapes import is_hole
 from microplan.schemas.plan import LocateAction, Plan, Region
 from microplan.schemas.pose import Pose
 from tests.executor.bench import (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from microplan.executor.simulated.cell import build_cell
-from microplan.executor.simulated.lens import drawn_errors
-from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.executor.simulated.imaging.imaging_view import TrueLensErrors
+from microplan.executor.simulated.lens import MAX_DISTORTION, drawn_errors
 from microplan.schemas.files.world import World, WorldLens
 from tests.executor.bench import quiet, world
 
@@ -73,7 +73,7 @@ def test_what_is_not_known_differs_from_cell_to_cell() -> None:
         # the standard error of a standard deviation of n draws is 1 / sqrt(2 n) of it
         assert np.std(values) == pytest.approx(wanted, rel=4 / math.sqrt(800))
     none = drawn_errors(WorldLens(), np.random.default_rng(0))
-    assert none == LensErrors()
+    assert none == TrueLensErrors()
     wild = WorldLens(distortion=0.2, distortion_sigma=1.0)
     most = [
         abs(drawn_errors(wild, np.random.default_rng(s)).distortion) for s in (0, 1)

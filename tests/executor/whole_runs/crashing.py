@@ -27,7 +27,7 @@ from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated import axes, contact
-from microplan.executor.simulated.camera import SimCamera
+from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import InsertAction, Plan
@@ -258,7 +258,7 @@ def hurried() -> Iterator[None]:
     coarse = {"x_um": 12.0, "y_um": 12.0, "z_um": 2.0}
     assert coarse["z_um"] < contact.FROM_ABOVE_UM
     with (
-        patch.object(SimCamera, "_image", remembered),
+        patch.object(QuickPictures, "image", remembered),
         patch.dict(axes.STEP_UM, coarse),
     ):
         yield

@@ -13,7 +13,7 @@ import pytest
 from microplan.executor.devices.errors import CODES
 from microplan.executor.devices.station import Station
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.simulated.camera import SimCamera
+from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.faults import FAULTS
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan
@@ -67,7 +67,7 @@ def _pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     The noise of a frame is drawn afresh.
     """
-    monkeypatch.setattr(SimCamera, "_image", remembered)
+    monkeypatch.setattr(QuickPictures, "image", remembered)
 
 
 def impatient(station: Station) -> Station:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.executor.simulated.camera import scene_of
+from microplan.executor.simulated.cameras.quick_pictures import scene_of
 from microplan.executor.simulated.truth import made_truth
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render

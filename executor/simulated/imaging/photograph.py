@@ -1,0 +1,320 @@
+"""Photographs of solid scenes: the plane in focus by waves, the rest by rays."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from microplan.arrays import Box, FloatArray
+from microplan.executor.simulated.imaging.diffraction import between, blurred
+from microplan.executor.simulated.imaging.field_map import (
+    FieldMap,
+    chief_slopes,
+    field_map,
+    focus_at,
+    light_over,
+    seen_at,
+)
+from microplan.executor.simulated.imaging.imaging_view import (
+    ImagingView,
+    LampLevel,
+    PixelWindow,
+    RaySampling,
+)
+from microplan.executor.simulated.imaging.rays.face_light import FaceLight
+from microplan.executor.simulated.imaging.rays.lattice import lattice_over
+from microplan.executor.simulated.imaging.rays.marching import Solids
+from microplan.executor.simulated.imaging.rays.pupil_rays import (
+    beam_spread,
+    pupil_slopes,
+)
+from microplan.executor.simulated.imaging.rays.ray_picture import RayPicture
+from microplan.executor.simulated.imaging.refocus import Refocused
+from microplan.executor.simulated.imaging.sharp_plane import SharpPlane, sharp_plane
+from microplan.executor.simulated.imaging.solids.solid_scene import (
+    HEIGHT_DIGITS,
+    MappedBody,
+    SolidScene,
+    mapped,
+)
+
+MERGE_UM = 1.0  # faces so near to the sharp plane are taken to be in it
+FAR_UM = 60.0  # a plane farther out of focus is left to rays alone
+SHARP_UM = 0.3  # nearer to focus, rays through the focal plane say nothing new
+SKIRT_UM = 12.0  # beyond that: what lies outside sends less than .003 into it
+NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
+GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
+TILE_PX = 220  # larger windows are taken in pieces
+FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
+KEPT = 6  # scenes
+MOST_RAYS = 2_500_000  # through a plane's points
+
+
+def photograph(
+    scene: SolidScene,
+    view: ImagingView,
+    window: PixelWindow | None = None,
+    *,
+    sampling: RaySampling | None = None,
+) -> FloatArray:
+    """Return what falls on the pixels, as a share of full scale.
+
+    Parameters
+    ----------
+    scene : SolidScene
+        Bodies and stage.
+    view : ImagingView
+        Microscope, light and camera.
+    window : PixelWindow or None
+        Part of the frame; None: all of it. It may reach beyond the frame.
+    sampling : RaySampling or None
+        How finely; None: so that the error is at most .001 rms.
+
+    Returns
+    -------
+    (rows, columns) float array
+        A face of reflectance R with nothing around is R at a level of 1.
+    """
+    at = window or PixelWindow(
+        row=0, column=0, rows=view.height_px, columns=view.width_px
+    )
+    fine, image = sampling or RaySampling(), np.empty((at.rows, at.columns))
+    for row in _pieces(at.rows):
+        for column in _pieces(at.columns):
+            tile = PixelWindow(
+                row=at.row + row.start,
+                column=at.column + column.start,
+                rows=row.stop - row.start,
+                columns=column.stop - column.start,
+            )
+            image[row, column] = _tile(scene, view, tile, fine)
+    return image * light_over(view, at)
+
+
+def _pieces(count: int) -> list[slice]:
+    """Return equal pieces of a side, at most `TILE_PX` long."""
+    edges = np.linspace(0, count, -(-count // TILE_PX) + 1).round().astype(int)
+    return [slice(a, b) for a, b in pairwise(edges.tolist())]
+
+
+def _tile(
+    scene: SolidScene, view: ImagingView, tile: PixelWindow, sampling: RaySampling
+) -> FloatArray:
+    """Return a piece of the picture under a lamp of level 1."""
+    pixels = field_map(view, tile)
+    x0, y0, x1, y1 = pixels.box
+    middle = (float(round((x0 + x1) / 2)), float(round((y0 + y1) / 2)))
+    focus_um = focus_at(view, *middle)
+    work = _prepared(scene, view, middle, sampling)
+    return work.picture(pixels, view, focus_um)
+
+
+class PhotographedScene:
+    """A scene around one middle of an image; remembers planes and shading."""
+
+    def __init__(
+        self,
+        scene: SolidScene,
+        view: ImagingView,
+        middle: tuple[float, float],
+        sampling: RaySampling,
+    ) -> None:
+        self._view, self._middle = view, middle
+        self._stage_um = round(scene.stage_um, HEIGHT_DIGITS)
+        self._stage_reflectance = scene.stage_reflectance
+        self._sampling = sampling
+        self._bodies = tuple(
+            mapped(body, middle)
+            for body in scene.bodies
+            if body.away_um(*middle) < _reach_um(scene, view)
+        )
+        self._pictures: dict[tuple[float | None, int], RayPicture] = {}
+        self._solids: dict[float | None, Solids] = {}
+        self._lights: dict[float | None, FaceLight] = {}
+        self._planes: dict[tuple[float, Box], SharpPlane] = {}
+
+    def picture(
+        self, pixels: FieldMap, view: ImagingView, focus_um: float
+    ) -> FloatArray:
+        """Return the picture at a focus, (rows, columns)."""
+        at_um = self._sharp_um(pixels, focus_um)
+        if at_um is None:
+            return self._by_rays(pixels, focus_um)
+        defocus_um = at_um - focus_um
+        x, y = seen_at(view, pixels.x_um, pixels.y_um, defocus_um)
+        x, y = x - self._middle[0], y - self._middle[1]
+        blur_um = view.steepest * abs(defocus_um)
+        plane = self._plane(at_um, _grown(x, y, NEAR_UM + blur_um))
+        column, row = (
+            (v - g[0]) / plane.step_um for v, g in ((x, plane.x_um), (y, plane.y_um))
+        )
+        if abs(defocus_um) <= SHARP_UM:
+            seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
+            return between(seen, column, row)
+        bodies = self._snapped(at_um).bodies
+        ends = (min(focus_um, at_um), max(focus_um, at_um))
+        crossing = tuple(
+            b for b in bodies if b.bottom_um <= ends[0] and ends[1] < b.top_um
+        )
+        flat = plane.uncut if crossing else plane.radiance
+        image = between(blurred(flat, plane.step_um, view, defocus_um), column, row)
+        rays = Refocused(plane, self._chief, blur_um, -defocus_um, crossing)
+        rest = blurred(rays.remainder(), plane.step_um, view, 0.0)
+        px, py = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
+        column, row = (
+            (v - g[0]) / plane.step_um for v, g in ((px, plane.x_um), (py, plane.y_um))
+        )
+        return image + between(rest, column, row)
+
+    def _sharp_um(self, pixels: FieldMap, focus_um: float) -> float | None:
+        """Return the height of the face nearest to focus that may be in the image."""
+        x0, y0, x1, y1 = pixels.box
+        x, y = np.meshgrid(np.linspace(x0, x1, 24), np.linspace(y0, y1, 24))
+        x, y = x.ravel() - self._middle[0], y.ravel() - self._middle[1]
+        gap_um = max(x1 - x0, y1 - y0) / 24
+        best = self._stage_um
+        for body in self._bodies:
+            off_um = abs(body.top_um - focus_um)
+            if off_um > abs(best - focus_um):
+                continue
+            near = body.distance(x, y, exact=True).min()
+            if near < gap_um + SKIRT_UM + self._view.steepest * off_um:
+                best = body.top_um
+        return best if abs(best - focus_um) <= FAR_UM else None
+
+    def _by_rays(self, pixels: FieldMap, focus_um: float) -> FloatArray:
+        """Return the picture by rays alone."""
+        solids = self._snapped(None)
+        spacing = self._spacing(solids, focus_um, ())
+        x, y = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
+        lattice = lattice_over(_grown(x, y, 0.0), spacing)
+        picture = self._picture(None, lattice.points()[0].size)
+        values = picture.through(*lattice.points(), focus_um)
+        grid = values.reshape(len(lattice.y_um), len(lattice.x_um))
+        return lattice.smooth_at(grid, x, y)
+
+    def _plane(self, at_um: float, need: Box) -> SharpPlane:
+        """Return the radiance in a plane over a box, computed before or now."""
+        box = tuple(
+            GRAIN_UM * (np.floor if i < 2 else np.ceil)(v / GRAIN_UM)
+            for i, v in enumerate(need)
+        )
+        key = (at_um, (box[0], box[1], box[2], box[3]))
+        if key not in self._planes:
+            spacing = self._spacing(self._snapped(at_um), at_um, (at_um,))
+            spacing = min(spacing, self._sampling.plane_spacing_um)
+            x0, y0, x1, y1 = key[1]
+            points = round((x1 - x0) * (y1 - y0) / spacing**2)
+            self._planes[key] = sharp_plane(
+                self._picture(at_um, points), at_um, key[1],
+                SKIRT_UM, self._sampling.fine_um, spacing,
+            )  # fmt: skip
+        return self._planes[key]
+
+    def _spacing(
+        self, solids: Solids, focus_um: float, left_out: tuple[float, ...]
+    ) -> float:
+        """Return how far apart points may be where rays alone make the picture."""
+        levels = {solids.stage_um}
+        for body in solids.bodies:
+            levels |= {body.top_um, body.bottom_um}
+        away = [abs(z - focus_um) for z in levels if z not in left_out]
+        blur_um = self._view.steepest * min(away, default=np.inf)
+        fine = self._sampling
+        return float(
+            np.clip(fine.spacing * blur_um, fine.least_spacing_um, fine.most_spacing_um)
+        )
+
+    def _picture(self, sharp_um: float | None, points: int) -> RayPicture:
+        """Return rays for so many points: fewer through each where there are many."""
+        fine, solids = self._sampling, self._snapped(sharp_um)
+        count = int(np.clip(MOST_RAYS / points, fine.least_rays, fine.rays))
+        if (sharp_um, count) not in self._pictures:
+            self._pictures[sharp_um, count] = RayPicture(
+                solids=solids,
+                light=self._lights[sharp_um],
+                slopes=pupil_slopes(self._view, count, turn_rad=fine.turn_rad),
+                spread=beam_spread(self._view, count),
+                chief=self._chief,
+            )
+        return self._pictures[sharp_um, count]
+
+    def _snapped(self, sharp_um: float | None) -> Solids:
+        """Return the bodies, with what is near to the sharp plane put into it."""
+        if sharp_um not in self._solids:
+            bodies = tuple(_put_into(body, sharp_um) for body in self._bodies)
+            solids = Solids(bodies, _snapped(self._stage_um, sharp_um))
+            high_um = solids.sky_um - solids.stage_um
+            # no window is larger than a tile, and no ray goes farther aside
+            reach = TILE_PX / self._view.px_per_um + 2 * self._view.steepest * high_um
+            self._solids[sharp_um] = solids
+            self._lights[sharp_um] = FaceLight(
+                solids, self._stage_reflectance, self._view, self._sampling,
+                (-reach, -reach, reach, reach),
+            )  # fmt: skip
+        return self._solids[sharp_um]
+
+    def _chief(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return slopes of the middle rays at points from the image's middle."""
+        return chief_slopes(self._view, x + self._middle[0], y + self._middle[1])
+
+
+_RECENT: OrderedDict[object, PhotographedScene] = OrderedDict()
+
+
+def _prepared(
+    scene: SolidScene,
+    view: ImagingView,
+    middle: tuple[float, float],
+    sampling: RaySampling,
+) -> PhotographedScene:
+    """Return a scene's planes and shading, from an earlier picture if there is one."""
+    about_um = FOCUS_GRAIN_UM * round(view.focus_um / FOCUS_GRAIN_UM)
+    lasting = replace(view, focus_um=about_um, shift_um=(0.0, 0.0), lamp=LampLevel())
+    key = (scene, lasting, middle, sampling)
+    if key not in _RECENT:
+        _RECENT[key] = PhotographedScene(scene, lasting, middle, sampling)
+        while len(_RECENT) > KEPT:
+            _RECENT.popitem(last=False)
+    _RECENT.move_to_end(key)
+    return _RECENT[key]
+
+
+def _reach_um(scene: SolidScene, view: ImagingView) -> float:
+    """Return how far from an image's middle a body may matter.
+
+    From the farthest pixel of a tile and its skirt light goes down to the stage and up
+    again to the highest face.
+    """
+    high_um = max((body.top_um for body in scene.bodies), default=scene.stage_um)
+    most_um = max(high_um, view.focus_um) - min(scene.stage_um, view.focus_um)
+    most_um += FOCUS_GRAIN_UM / 2
+    tile_um = TILE_PX / view.px_per_um
+    return tile_um + SKIRT_UM + NEAR_UM + 2 * view.steepest * most_um
+
+
+def _put_into(body: MappedBody, sharp_um: float | None) -> MappedBody:
+    """Return a body whose heights near the sharp plane are in it."""
+    return replace(
+        body,
+        top_um=_snapped(body.top_um, sharp_um),
+        bottom_um=_snapped(body.bottom_um, sharp_um),
+    )
+
+
+def _snapped(height_um: float, sharp_um: float | None) -> float:
+    """Return a height, or the sharp plane's if that is near."""
+    if sharp_um is None or abs(height_um - sharp_um) > MERGE_UM:
+        return height_um
+    return sharp_um
+
+
+def _grown(x: FloatArray, y: FloatArray, by_um: float) -> Box:
+    """Return the box of points with a skirt."""
+    return (
+        float(x.min()) - by_um, float(y.min()) - by_um,
+        float(x.max()) + by_um, float(y.max()) + by_um,
+    )  # fmt: skip
