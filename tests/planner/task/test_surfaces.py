@@ -168,7 +168,7 @@ def test_the_cell_shows_the_faces_that_the_compiler_does(chip: Path) -> None:
     """By name, area and reflectance; the cell lays the part down elsewhere."""
     task = read(chip)
     world = build_world(task, initial(task))
-    streams = ("profile", "start", "tilt", "drift", "stage", "robot")
+    streams = ("profile", "start", "tilt", "drift", "stage", "robot", "surface")
     rng = {name: np.random.default_rng(k) for k, name in enumerate(streams)}
     truth = made_truth(world, rng, missing=False)
     shown, meant = (

@@ -77,13 +77,22 @@ def test_bodies_stand_where_the_truth_has_them() -> None:
     }  # fmt: skip
     gear = cell.truth.bodies["gear"]
     assert named["gear"].top_um == pytest.approx(cell.truth.top_um(gear))
-    (bore,) = gear.holes  # with a notch: its edges are those of contact's polygon
-    corners = np.array([edge[:2] for edge in named["gear"].outline.rings[1]])
-    np.testing.assert_array_equal(corners, bore.ring.corners_um)
+    assert named["gear"].outline.rings[1] == gear.part.outline.rings[1].edges
     grip, gap = cell.truth.grip_pose(), cell.truth.opening_um
     right, left = named["tweezers.right"].pose, named["tweezers.left"].pose
     assert right.x_um - left.x_um == pytest.approx(gap)
     assert (right.x_um + left.x_um) / 2 == pytest.approx(grip.x_um)
+
+
+def test_a_bore_as_fabricated_is_that_of_the_contact() -> None:
+    plain = world()
+    gear = replace(plain.parts[0], profile_tolerance_um=0.3)
+    truth = build_cell(replace(plain, parts=(gear, *plain.parts[1:])), 1).truth
+    (bore,) = truth.bodies["gear"].holes
+    assert bore.offset_um
+    (shown,) = (body for body in bodies_of(truth).bodies if body.name == "gear")
+    corners = np.array([edge[:2] for edge in shown.outline.rings[1]])
+    np.testing.assert_array_equal(corners, bore.ring.corners_um)
 
 
 def test_surfaces_are_drawn_from_their_intervals() -> None:
