@@ -133,8 +133,13 @@ class LookCase:
 
     @property
     def shares_spectra(self) -> bool:
-        """Return whether images at several focus heights come from the same spectra."""
-        return self.shares_still_layers and self.lamp_aperture is None
+        """Return whether images at several focus heights come from the same spectra.
+
+        Bodies of several heights hide the same rays: that is another sum each time.
+        """
+        heights = {layer.z_um for layer in (*self.static, *self.moving)}
+        is_even = self.lamp_aperture is None and len(heights) <= 1
+        return self.shares_still_layers and is_even
 
     def zoomed(self, ratio: float) -> Microscope:
         """Return the microscope at so many times the nominal magnification."""

@@ -83,14 +83,19 @@ def test_alone_is_the_image_where_nothing_else_is() -> None:
 @pytest.mark.parametrize("gain", [1.0, 0.7])
 @pytest.mark.parametrize("z_um", [0.0, -6.0])
 def test_an_image_is_the_target_alone_behind_its_veil(gain: float, z_um: float) -> None:
+    """In focus; else rays that pass the veil meet another part of a target's edge."""
     shown = replace(case("over_shaft"), light=Illumination(gain=gain))
     look = nominal_render(shown)
     occluders = look.occluders(z_um)
     alone = look.alone(dx_um=2.0, dz_um=z_um)
     image = look(dx_um=2.0, dz_um=z_um)
-    np.testing.assert_allclose(
-        occluders.light + occluders.through * alone, image, atol=RENDER
-    )
+    off = np.abs(occluders.light + occluders.through * alone - image)
+    if z_um == 0:
+        assert off.max() < RENDER
+    # two shares of the same rays: their covariance is a quarter at most
+    step = abs(shown.moving[0].reflectance - shown.background)
+    assert off.max() < gain * step / 4
+    assert np.median(off) < RENDER  # but at the edge they are the same
 
 
 def test_nothing_in_front_is_no_veil() -> None:

@@ -143,7 +143,7 @@ def test_a_background_is_shaded_as_a_wide_layer() -> None:
     for focus_um in (100.0, 0.0):
         one = render_coaxial(scene, optics, focus_um=focus_um, lamp_aperture=LAMP)
         other = render_coaxial(laid, optics, focus_um=focus_um, lamp_aperture=LAMP)
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(one, other, rtol=0, atol=2e-6)  # single precision
 
 
 def _in_lamplight(
