@@ -134,12 +134,13 @@ def _is_own_face(body: Body, shape: TargetShape) -> bool:
 
 
 def _layer(body: Body) -> Layer:
-    """Return the top face of a body."""
+    """Return a body for images; its walls are black."""
     return Layer(
         name=body.name,
         outline=body.outline,
         z_um=body.z_high_um,
         reflectance=body.reflectance,
+        underside_um=body.z_low_um if body.z_low_um < body.z_high_um else None,
     )
 
 
@@ -149,7 +150,11 @@ def _reaches(
     """Return whether a layer's bounds plus its blur meet the window."""
     slope = math.tan(math.asin(microscope.aperture / microscope.medium_index))
     # 20 Airy units beyond the geometrical blur hold all but 1 % of the diffracted light
-    reach = abs(layer.z_um - focus_um) * slope
+    ends = (
+        layer.z_um,
+        layer.z_um if layer.underside_um is None else layer.underside_um,
+    )
+    reach = max(abs(z_um - focus_um) for z_um in ends) * slope
     reach += 20 * microscope.wavelength_um / microscope.aperture
     x0, y0, x1, y1 = layer.outline.bounds_um
     k = microscope.px_per_um
