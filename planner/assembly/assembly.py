@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from microplan.optics.outline.outline import Outline, place
-from microplan.planner.task.task import Part, Reading, Task
+from microplan.planner.task.surfaces import Surface
+from microplan.planner.task.task import Part, Post, Reading, Task
 from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.pose import Pose
 
@@ -87,6 +88,7 @@ class Body:
     z_low_um: float
     z_high_um: float
     reflectance: float
+    surface: Surface
     sigma_xy_um: float
     sigma_z_um: float
 
@@ -284,10 +286,12 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
         if held.carrier == "stage"
         else held.sigma_z_um
     )
-    prisms = [(name, part.outline, low, part.thickness_um, part.reflectance)]
+    prisms: list[tuple[str, Part | Post, float, float]] = [
+        (name, part, low, part.thickness_um)
+    ]
     foot = low + part.thickness_um
     prisms += [
-        (f"{name}.{post.name}", post.outline, foot, post.height_um, post.reflectance)
+        (f"{name}.{post.name}", post, foot, post.height_um)
         for post in part.posts.values()
     ]
     return [
@@ -295,14 +299,15 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
             name=body,
             owner=name,
             carrier=held.carrier,
-            outline=place(outline, pose.x_um, pose.y_um, pose.theta_rad),
+            outline=place(one.outline, pose.x_um, pose.y_um, pose.theta_rad),
             z_low_um=base,
             z_high_um=base + height,
-            reflectance=reflectance,
+            reflectance=one.reflectance,
+            surface=one.surface,
             sigma_xy_um=part_sigma_um(state, name),
             sigma_z_um=sigma_z,
         )
-        for body, outline, base, height, reflectance in prisms
+        for body, one, base, height in prisms
     ]
 
 
@@ -318,6 +323,7 @@ def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
             z_low_um=state.robot.z_um,
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
+            surface=tool.surface,
             sigma_xy_um=state.tip_sigma_um,
             sigma_z_um=axes.repeatability_z_um,
         )

@@ -13,6 +13,7 @@ from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.task import features
 from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
 from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.surfaces import surface
 from microplan.planner.task.task import Part, PartFeature, Post
 
 
@@ -59,6 +60,7 @@ def _part(
         outline=outline,
         thickness_um=float(raw["thickness_um"]),
         reflectance=float(raw["reflectance"]),
+        surface=surface(raw, raw["material"]),
         material=raw["material"],
         profile_tolerance_um=float(raw["profile_tolerance_um"]),
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
@@ -106,6 +108,7 @@ def _posts(
     """Return the posts that can be read, in the part's frame, and as drawn."""
     posts: dict[str, Post] = {}
     found: list[Taken] = []
+    material = task.source.get("parts", name).get("material", "")
     for key, raw in sorted(task.source.mapping("parts", name, "posts").items()):
         where = ("parts", name, "posts", key)
         if task.good(*where):
@@ -114,7 +117,7 @@ def _posts(
             if taken is not None:
                 found.append(taken)
                 shape = place(taken.outline, -origin[0], -origin[1])
-                posts[key] = _post(key, raw, shape, task.source.key(*where))
+                posts[key] = _post(key, raw, material, shape, task.source.key(*where))
     return posts, found
 
 
@@ -198,7 +201,9 @@ def _make(
     )  # fmt: skip
 
 
-def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
+def _post(
+    name: str, raw: Mapping[str, Any], material: str, shape: Outline, at: Span
+) -> Post:
     """Return the post; its circle is that of its outer ring if it has one."""
     try:
         found = features.circle(shape.rings[:1])
@@ -207,7 +212,7 @@ def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
         center, radius_um = features.extent(shape)
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
-        reflectance=float(raw["reflectance"]),
+        reflectance=float(raw["reflectance"]), surface=surface(raw, material),
         profile_tolerance_um=float(raw.get("profile_tolerance_um", 0.0)),
         center_um=center, radius_um=radius_um, where=at,
     )  # fmt: skip

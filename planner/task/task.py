@@ -14,6 +14,7 @@ from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.drawings import DrawingSheet
 from microplan.planner.task.presets import PRESETS, Preset
+from microplan.planner.task.surfaces import Surface
 from microplan.planner.task.workcell import Interval, Workcell
 
 FeatureKind = Literal["circle", "teeth", "notch", "outline"]
@@ -49,6 +50,7 @@ class Post:
     outline: Outline
     height_um: float
     reflectance: float
+    surface: Surface
     profile_tolerance_um: float
     center_um: tuple[float, float]
     radius_um: float  # of the circle that it is, or of the one around it
@@ -63,6 +65,7 @@ class Part:
     outline: Outline
     thickness_um: float
     reflectance: float
+    surface: Surface
     material: str
     profile_tolerance_um: float  # hard limit of the drawn-to-made edge offset
     taper_um_per_100um: float

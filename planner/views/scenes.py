@@ -134,13 +134,19 @@ def _is_own_face(body: Body, shape: TargetShape) -> bool:
 
 
 def _layer(body: Body) -> Layer:
-    """Return a body for images; its walls are black."""
+    """Return a body for images: solid where its wall or its finish is stated.
+
+    Others are their top faces: walls cost an image several times its time.
+    """
+    is_solid = any(body.surface.stated) and body.z_low_um < body.z_high_um
     return Layer(
         name=body.name,
         outline=body.outline,
         z_um=body.z_high_um,
         reflectance=body.reflectance,
-        underside_um=body.z_low_um if body.z_low_um < body.z_high_um else None,
+        underside_um=body.z_low_um if is_solid else None,
+        wall_reflectance=body.surface.seen_wall,
+        finish=body.surface.seen_finish,
     )
 
 

@@ -41,6 +41,8 @@ class WorldPost:
     center_um: tuple[float, float]  # of its circle
     radius_um: float  # of its circle
     profile_tolerance_um: float  # hard limit of the edge offset
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)  # as mirrors, least and most
+    finish: tuple[float, float] = (0.0, 0.0)  # a mirror's share of the top face
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +70,8 @@ class WorldPart:
     theta_any: bool  # whether any angle is as likely
     sigma_xy_um: float  # of the start, per axis
     sigma_theta_rad: float  # of the start
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)  # as mirrors, least and most
+    finish: tuple[float, float] = (0.0, 0.0)  # a mirror's share of the top face
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +86,8 @@ class WorldTool:
     opening_um: tuple[float, float]  # smallest and largest
     start_opening_um: float  # before step 1
     stick_probability: float  # that a released part follows a finger
+    wall_reflectance: tuple[float, float] = (0.0, 0.0)  # as mirrors, least and most
+    finish: tuple[float, float] = (0.0, 0.0)  # a mirror's share of the top face
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
