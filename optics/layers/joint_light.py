@@ -30,8 +30,8 @@ _MOST = 48  # points a side: what changes faster multiplies the difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointLight:
-    """What the product of shades leaves out of the light at a height."""
+class LightChange:
+    """What is added to the product of shades at a height."""
 
     lattice: Lattice
     change: FloatArray  # (rows, columns), share of the lamp's light
@@ -55,7 +55,7 @@ def joint_light(
     *,
     lamp_aperture: float,
     area: Area,
-) -> JointLight | None:
+) -> LightChange | None:
     """Return what the product of shades leaves out, None where one height shades.
 
     Parameters
@@ -105,4 +105,4 @@ def joint_light(
     for shade in light.shades:
         if shade not in soft:
             change = change * (1 - np.clip(shade.on(lattice), 0.0, 1.0))
-    return JointLight(lattice=lattice, change=change)
+    return LightChange(lattice=lattice, change=change)

@@ -16,7 +16,7 @@ from microplan.optics.layers.coaxial_light import (
     fine_um,
     pixel_axes_um,
 )
-from microplan.optics.layers.joint_light import JointLight
+from microplan.optics.layers.joint_light import LightChange
 from microplan.optics.layers.joint_occlusion import (
     WIDEST,
     JointFace,
@@ -49,7 +49,7 @@ class ShadedFace:
     """A height that is shaded: the light on it, and how it is seen."""
 
     light: Irradiance
-    joint: JointLight | None  # what the product of its shades leaves out
+    changes: tuple[LightChange, ...]  # of the product of its shades
     lattice: Lattice
     share: FloatArray  # of the light, at the points of the lattice
     blurred: FloatArray  # the same blurred, and averaged over pixels
@@ -57,17 +57,17 @@ class ShadedFace:
 
     def on(self, lattice: Lattice) -> FloatArray:
         """Return the share of the light at another lattice, (rows, columns), 0..1."""
-        return share_on(self.light, self.joint, lattice)
+        return share_on(self.light, self.changes, lattice)
 
 
 def share_on(
-    light: Irradiance, joint: JointLight | None, lattice: Lattice
+    light: Irradiance, changes: Sequence[LightChange], lattice: Lattice
 ) -> FloatArray:
     """Return the share of the lamp's light at a lattice, (rows, columns), 0..1."""
     share = light.on(lattice)
-    if joint is None:
-        return share
-    return np.clip(share + joint.on(lattice), 0.0, 1.0)
+    for change in changes:
+        share += change.on(lattice)
+    return np.clip(share, 0.0, 1.0) if changes else share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,17 +80,17 @@ class ShadedView:
     frame: Window
     shift_um: tuple[float, float]
 
-    def face(self, light: Irradiance, joint: JointLight | None) -> ShadedFace:
+    def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""
         m, z_um = self.microscope, light.z_um - self.focus_um
         area = area_um(m, self.frame, self.shift_um, z_um)
         lattice = Lattice.over(area, light.step_um)
-        share = share_on(light, joint, lattice)
+        share = share_on(light, changes, lattice)
         blurred = blur(share, lattice.step_um, m, self.model, z_um)
-        seen = self._at_pixels(blurred, lattice)
+        seen = self.at_pixels(blurred, lattice)
         return ShadedFace(
             light=light,
-            joint=joint,
+            changes=tuple(changes),
             lattice=lattice,
             share=share,
             blurred=blurred,
@@ -100,14 +100,16 @@ class ShadedView:
     def lit(self, covered: Covered, face: ShadedFace) -> FloatArray:
         """Return a layer blurred with the light on it, (rows, columns), 0..1.
 
-        The blur of the product is that of each multiplied, and on the lattice what it
-        differs by, if the light changes within what a pixel or the lens resolves. Of
-        faces far out of focus `residual` has that.
+        The finish is the share that shades keep nothing from. The blur of the product
+        is that of each multiplied, and on the lattice what it differs by, if the light
+        changes within what a pixel or the lens resolves. Of faces far out of focus
+        `residual` has that.
         """
         found = covered.coverage * face.seen
         step = face.lattice.step_um
+        dull = 1 - covered.layer.finish
         if not self._is_thin(face.light):
-            return found
+            return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
         inside = face.lattice.cells(covered.layer)
         z_um = face.light.z_um - self.focus_um
         both, alone = blur(
@@ -117,8 +119,8 @@ class ShadedView:
             self.model,
             z_um,
         )
-        found += self._at_pixels(both - alone * face.blurred, face.lattice)
-        return found
+        found += self.at_pixels(both - alone * face.blurred, face.lattice)
+        return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
 
     def residual(
         self,
@@ -134,7 +136,7 @@ class ShadedView:
         seen = [c for c in covered if c.coverage.any()]
         fine = 2 * fine_um(self.microscope)
         change = self.blending_residual(scene, seen, shaded, _NEAR * fine)
-        reach = [self._reach_um(c.layer.z_um) for c in seen]
+        reach = [self.reach_um(c.layer.z_um) for c in seen]
         near = [
             c.coverage
             for c, r in zip(seen, reach, strict=True)
@@ -170,18 +172,18 @@ class ShadedView:
         found = joint_residual(faces, lattice, self.microscope)
         if found is None:
             return None
-        change = self._at_pixels(found.below, lattice)
+        change = self.at_pixels(found.below, lattice)
         sharp = [
             group
-            for z_um, group in _by_height(seen)
-            if self._reach_um(z_um) <= sharp_um
+            for group in _by_height(seen)
+            if self.reach_um(group[0].layer.z_um) <= sharp_um
         ]
         for group, light in zip(sharp, found.sharp, strict=True):
-            leaves = self._at_pixels(light, lattice)
+            leaves = self.at_pixels(light, lattice)
             hidden = np.sum([c.coverage for c in group], axis=0)
             sent = np.sum([c.layer.reflectance * c.coverage for c in group], axis=0)
             change = change * (1 - hidden) + sent * leaves
-        return change + self._at_pixels(found.above, lattice)
+        return change + self.at_pixels(found.above, lattice)
 
     def joint_faces(
         self,
@@ -192,10 +194,10 @@ class ShadedView:
     ) -> tuple[list[JointFace], Lattice]:
         """Return a scene's faces, the lowest first, and the points rays come from."""
         groups = _by_height(seen)
-        lattice = self._lattice([z for z, _ in groups], list(shaded.values()), sharp_um)
+        heights = [group[0].layer.z_um for group in groups]
+        lattice = self._lattice(heights, list(shaded.values()), sharp_um)
         faces = [] if scene.background == 0 else [self._plane(scene, shaded, lattice)]
-        for z_um, group in groups:
-            faces.append(self._joint(z_um, group, shaded, lattice, sharp_um))
+        faces += [self._joint(g, shaded, lattice, sharp_um) for g in groups]
         return faces, lattice
 
     def _plane(
@@ -216,18 +218,18 @@ class ShadedView:
 
     def _joint(
         self,
-        height_um: float,
         group: Sequence[Covered],
         shaded: Mapping[float, ShadedFace],
         lattice: Lattice,
         sharp_um: float,
     ) -> JointFace:
-        """Return the layers of one height where rays meet them."""
+        """Return the layers of one height and finish where rays meet them."""
+        height_um, finish = group[0].layer.z_um, group[0].layer.finish
         z_um = height_um - self.focus_um
         points = wide(lattice, self.microscope, z_um)
         covers, sends = (np.zeros(points.shape, dtype=np.float32) for _ in range(2))
-        is_sharp = self._reach_um(height_um) <= sharp_um
-        near = self._reach_um(height_um) <= _NEAR * 2 * fine_um(self.microscope)
+        is_sharp = self.reach_um(height_um) <= sharp_um
+        near = self.reach_um(height_um) <= _NEAR * 2 * fine_um(self.microscope)
         for each in () if is_sharp else group:
             own = points.held_cells(each.layer, _LINES if near else LINES)
             free = 1 - own
@@ -239,7 +241,8 @@ class ShadedView:
         thin = False
         if height_um in shaded:
             face = shaded[height_um]
-            light = face.on(points).astype(np.float32)
+            share = (1 - finish) * face.on(points) + finish
+            light = share.astype(np.float32)
             thin = self._is_thin(face.light)
         return JointFace(
             z_um=z_um,
@@ -250,6 +253,11 @@ class ShadedView:
             joins_light=thin,
         )
 
+    @property
+    def near_um(self) -> float:
+        """Return the radius of blur up to which a face counts as near focus."""
+        return _NEAR * 2 * fine_um(self.microscope)
+
     def _lattice(
         self,
         heights_um: Sequence[float],
@@ -258,8 +266,8 @@ class ShadedView:
     ) -> Lattice:
         """Return points as far apart as blurs of heights and faces allow."""
         m = self.microscope
-        hiding = [r for z in heights_um if (r := self._reach_um(z)) > sharp_um]
-        reach = [self._reach_um(each.light.z_um) for each in shaded]
+        hiding = [r for z in heights_um if (r := self.reach_um(z)) > sharp_um]
+        reach = [self.reach_um(each.light.z_um) for each in shaded]
         lit = [
             max(each.light.step_um, r / _SHADED)
             for each, r in zip(shaded, reach, strict=True)
@@ -277,23 +285,24 @@ class ShadedView:
     def _is_thin(self, light: Irradiance) -> bool:
         """Return whether the light changes within what a pixel or the lens resolves."""
         fine = 2 * fine_um(self.microscope)
-        is_wide = self._reach_um(light.z_um) > max(light.step_um / 2, fine)
+        is_wide = self.reach_um(light.z_um) > max(light.step_um / 2, fine)
         return light.step_um < fine and not is_wide
 
-    def _reach_um(self, z_um: float) -> float:
+    def reach_um(self, z_um: float) -> float:
         """Return how far aside rays through one point of the image meet a height."""
         return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
-    def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
+    def at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
+        """Return values of a lattice at the pixels, (rows, columns)."""
         x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
 
 
-def _by_height(seen: Sequence[Covered]) -> list[tuple[float, list[Covered]]]:
-    """Return layers by height, the lowest first."""
-    ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.name))
-    groups = itertools.groupby(ordered, key=lambda c: c.layer.z_um)
-    return [(z_um, list(group)) for z_um, group in groups]
+def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
+    """Return layers by height and finish, the lowest first."""
+    ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
+    groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
+    return [list(group) for _, group in groups]
 
 
 def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:

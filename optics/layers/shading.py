@@ -23,6 +23,8 @@ from microplan.optics.layers.coaxial_light import (
 )
 from microplan.optics.layers.joint_light import joint_light
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
+from microplan.optics.layers.solids.light_change import solid_light
+from microplan.optics.layers.wall_view import wall_residual
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.layer_blending import blend_layers, light_up
@@ -118,9 +120,12 @@ def render_coaxial(
     ]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
-    change = view.residual(scene, everything, faces)
-    if change is not None:
-        image += change
+    for change in (
+        view.residual(scene, everything, faces),
+        wall_residual(view, scene, everything, faces),
+    ):
+        if change is not None:
+            image += change
     light_up(image, microscope, frame, light or Illumination())
     return image
 
@@ -152,7 +157,11 @@ def _shaded(
         if each.shades:
             area = area_um(m, view.frame, view.shift_um, each.z_um - view.focus_um)
             joint = joint_light(layers, each, m, lamp_aperture=lamp_aperture, area=area)
-            shaded[each.z_um] = view.face(each, joint)
+            seen_um = m.blur_diameter_um(each.z_um - view.focus_um) / 2
+            lamp = replace(m, aperture=lamp_aperture)
+            walls = solid_light(layers, each.z_um, area, seen_um, lamp)
+            changes = [change for change in (joint, walls) if change is not None]
+            shaded[each.z_um] = view.face(each, changes)
     return shaded
 
 

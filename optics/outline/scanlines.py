@@ -14,7 +14,7 @@ LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
 
 
 def cells(
-    outline: Outline,
+    outline: Outline | EdgeArrays,
     left_um: float,
     top_um: float,
     step_um: float,

@@ -45,7 +45,7 @@ def over_shaft() -> Scene:
 def test_two_bodies_far_above_hide_the_same_rays(
     focus_um: float, worst: float, rms: float
 ) -> None:
-    """The tracer has 400 rays: means over so many err by .0015, and cells by as much."""
+    """The tracer has 400 rays: means over those err by .0015, cells by as much."""
     optics = microscope()
     scene = replace(over_shaft(), layers=over_shaft().layers[1:])  # without the stage
     small = Window(row=54, column=80, rows=12, columns=16)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.planner.task.test_features import gear
 
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, Ring, flatten, place
@@ -17,6 +16,7 @@ from microplan.planner.task.regions.features import NotFoundError, teeth
 from microplan.planner.task.regions.symmetry import symmetry_order
 from microplan.planner.task.regions.teeth import teeth_of
 from tests.planner.chips import cross, rectangle, slot
+from tests.planner.task.regions.test_features import gear
 from tests.planner.task.regions.test_symmetry import circle, polygon
 
 
