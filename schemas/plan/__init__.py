@@ -52,6 +52,7 @@ from microplan.schemas.plan.measures import (
     Measure,
     Reference,
     Region,
+    Repeatability,
     RoutineUse,
 )
 from microplan.schemas.plan.steps import (
@@ -96,6 +97,7 @@ __all__ = [
     "Reference",
     "Region",
     "ReleaseAction",
+    "Repeatability",
     "Requirements",
     "RoutineUse",
     "SceneRecord",

@@ -55,7 +55,7 @@ def check_version(data: Any) -> None:
         raise CodecError(f"format_version {error}") from error
 
 
-FORMAT_VERSION = "2.3"
+FORMAT_VERSION = "2.4"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

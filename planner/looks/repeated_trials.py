@@ -1,0 +1,50 @@
+"""Record of the random trials that a look's sigma and bias come from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bounds import NORMAL_KURTOSIS, half_width
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import is_wrong
+from microplan.schemas import plan as p
+
+
+def undetected(case: LookCase, outcomes: Sequence[Outcome], gates: p.Gates) -> int:
+    """Return how many wrong answers the gates of a measurement accept."""
+    return sum(
+        is_wrong(case, o)
+        and (o.score or 0.0) >= gates.min_score
+        and (o.spread_um or 0.0) <= (gates.max_spread_um or math.inf)
+        for o in outcomes
+    )
+
+
+def repeatability_record(found: ChainScore, undetected: int) -> p.Repeatability:
+    """Return what random trials said of a chain, or of a set, as the plan has it."""
+    axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
+    theta = found.theta
+    return p.Repeatability(
+        trials=found.trials,
+        answered=found.success,
+        undetected=undetected,
+        sigma_xy_um=found.sigma_um or 0.0,
+        kurtosis=max((axis.kurtosis for axis in axes), default=NORMAL_KURTOSIS),
+        half_width_um=_half_width_um(found),
+        kurtosis_theta=None if theta is None else theta.kurtosis,
+        half_width_theta_rad=None if theta is None else half_width(theta),
+    )
+
+
+def _half_width_um(found: ChainScore) -> tuple[float, float]:
+    """Return the half-width of the bias in the target's frame, um."""
+    if found.along is not None and found.axis_rad is not None:
+        half_um = half_width(found.along)
+        c, s = math.cos(found.axis_rad), math.sin(found.axis_rad)
+        return (half_um * abs(c), half_um * abs(s))
+    if found.x is None or found.y is None:
+        return (0.0, 0.0)
+    return (half_width(found.x), half_width(found.y))
