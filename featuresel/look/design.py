@@ -148,7 +148,10 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
     ValueError
         If `count` or `root_seed` is out of range.
     """
-    _check(count, root_seed)
+    if not 1 <= count <= MOST_TRIALS:
+        raise ValueError(f"count must be in 1..{MOST_TRIALS}, got {count}")
+    if root_seed < 0:
+        raise ValueError(f"root_seed must not be negative, got {root_seed}")
     return Design(case=case, root_seed=root_seed, first=0, step=1, length=count)
 
 
@@ -158,16 +161,8 @@ def random_design(case: LookCase, count: int, root_seed: int) -> Design:
     They are drawn with `LookCase.drawn`, by another scramble than those of `design`;
     arguments and errors are its own.
     """
-    _check(count, root_seed)
     fresh = replace(case, key=f"{case.key}/random")
     return replace(design(fresh, count, root_seed), has_corners=False)
-
-
-def _check(count: int, root_seed: int) -> None:
-    if not 1 <= count <= MOST_TRIALS:
-        raise ValueError(f"count must be in 1..{MOST_TRIALS}, got {count}")
-    if root_seed < 0:
-        raise ValueError(f"root_seed must not be negative, got {root_seed}")
 
 
 def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:

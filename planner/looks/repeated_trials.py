@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bounds import NORMAL_KURTOSIS, half_width
+from microplan.featuresel.trials.bounds import NORMAL_KURTOSIS, Estimate, half_width
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
@@ -31,20 +31,26 @@ def repeatability_record(found: ChainScore, undetected: int) -> p.Repeatability:
         trials=found.trials,
         answered=found.success,
         undetected=undetected,
-        sigma_xy_um=found.sigma_um or 0.0,
+        sigma_um=_on_axes(found, lambda axis: axis.sigma),
         kurtosis=max((axis.kurtosis for axis in axes), default=NORMAL_KURTOSIS),
-        half_width_um=_half_width_um(found),
+        half_width_um=_on_axes(found, half_width),
         kurtosis_theta=None if theta is None else theta.kurtosis,
+        bias_theta_rad=None if theta is None else theta.mean,
         half_width_theta_rad=None if theta is None else half_width(theta),
     )
 
 
-def _half_width_um(found: ChainScore) -> tuple[float, float]:
-    """Return the half-width of the bias in the target's frame, um."""
+def _on_axes(
+    found: ChainScore, value: Callable[[Estimate], float]
+) -> tuple[float, float]:
+    """Return a number of each axis of the target's frame, of one direction its parts.
+
+    0 where nothing was answered.
+    """
     if found.along is not None and found.axis_rad is not None:
-        half_um = half_width(found.along)
+        length = value(found.along)
         c, s = math.cos(found.axis_rad), math.sin(found.axis_rad)
-        return (half_um * abs(c), half_um * abs(s))
+        return (length * abs(c), length * abs(s))
     if found.x is None or found.y is None:
         return (0.0, 0.0)
-    return (half_width(found.x), half_width(found.y))
+    return (value(found.x), value(found.y))

@@ -23,6 +23,7 @@ from microplan.schemas.plan.actions import (
     ReleaseAction,
     VerifyAction,
 )
+from microplan.schemas.plan.bounds import BiasRow, StepBound, SuccessBound
 from microplan.schemas.plan.document import (
     FORMAT_VERSION,
     Belief,
@@ -72,6 +73,7 @@ __all__ = [
     "AxisMove",
     "Belief",
     "BiasAt",
+    "BiasRow",
     "Budget",
     "BudgetRow",
     "Conditions",
@@ -104,6 +106,8 @@ __all__ = [
     "Score",
     "Shade",
     "Step",
+    "StepBound",
+    "SuccessBound",
     "Together",
     "VerifyAction",
     "View",

@@ -79,10 +79,11 @@ class Repeatability:
     trials: int  # how many were drawn
     answered: int  # of these, rightly: bias and sigma are theirs
     undetected: int  # of these, wrongly, and accepted by the gates
-    sigma_xy_um: float  # standard deviation about the bias, of the larger axis
+    sigma_um: tuple[float, float]  # standard deviation about the bias, target's frame
     kurtosis: float  # of the errors, the larger of both axes; 3: normal
     half_width_um: tuple[float, float]  # of the bias, two-sided 95 %, target's frame
     kurtosis_theta: float | None = None  # of the angle; None: it is not measured
+    bias_theta_rad: float | None = None  # mean error of the angle; nobody takes it off
     half_width_theta_rad: float | None = None  # of the angle's bias, two-sided 95 %
 
 
