@@ -21,7 +21,7 @@ from microplan.planner.assembly.fits.peg_in_hole import PegInHole
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.ellipse_probability import PlaneNormal
 from microplan.planner.budget.probability.fit_probability import Residual
-from microplan.planner.budget.probability.outline_probability import (
+from microplan.planner.budget.probability.outline_fit import (
     OutlineFit,
     PoseError,
 )

@@ -18,6 +18,7 @@ from microplan.planner.budget.probability.fit_probability import (
     gain_limit,
     servo_tolerance_um,
 )
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import insertion_after
@@ -174,6 +175,8 @@ def _from_fit(
     fit = fit_of(task, here)
     if fit is None or fit.capture_um <= 0:
         return None
+    if isinstance(fit, OutlineFit):
+        fit = fit.inscribed
     rows = blind_rows(task.workcell, travel_of(here), seen, seen, insert_s(task, here))
     return servo_tolerance_um(
         fit,

@@ -14,7 +14,7 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from microplan.planner.assembly.assembly import State, initial
-from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import (
     axis_move,
     build_world,
@@ -34,6 +34,7 @@ from microplan.planner.task.presets import PRESETS, Preset
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
 from microplan.planner.views.check_task import check_fits
+from microplan.planner.views.fit_angles import unfold_with_angles
 from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
 from microplan.schemas.codec import to_data
@@ -52,7 +53,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     """
     started = time.perf_counter()
     read_twice(task, report, options.memo)
-    states = unfold(task, report)
+    task, states = unfold_with_angles(task, report)
     check_fits(task, states, report)
     if report.failed:
         return None

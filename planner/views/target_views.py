@@ -114,7 +114,7 @@ def _report_tight(
 def _tells_angle(task: Task, shape: TargetShape) -> bool:
     """Return whether the target, or other features of its part, have an angle.
 
-    A post is alone at its height.
+    A round post is alone at its height.
     """
     part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
     return shape.has_angle or (part is not None and inner not in part.posts)

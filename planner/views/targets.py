@@ -17,6 +17,7 @@ from microplan.planner.assembly.assembly import (
     owner_of,
     part_pose,
 )
+from microplan.planner.task.features import is_round
 from microplan.planner.task.task import FeatureKind, Part, PartFeature, Post, Task
 from microplan.planner.task.workcell import Tool
 from microplan.schemas.pose import Pose
@@ -57,6 +58,8 @@ def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
     if inner in part.posts:
         post = part.posts[inner]
         bright = post.reflectance > part.reflectance
+        if not is_round(post.outline):
+            return _post_outline(part, post, name, bright=bright)
         return _circle(part, post, name, bright=bright)
     if inner:
         feature = part.features[inner]
@@ -156,6 +159,23 @@ def _circle(
         bright=bright,
         symmetry=0,
         parameters={"radius_um": drawn.radius_um},
+    )
+
+
+def _post_outline(part: Part, post: Post, name: str, *, bright: bool) -> TargetShape:
+    """Return the outline of a post that is no whole circle, about its own point."""
+    x0, y0, x1, y1 = post.outline.bounds_um
+    x, y = post.center_um
+    extent = max(math.hypot(a - x, b - y) for a in (x0, x1) for b in (y0, y1))
+    return TargetShape(
+        name=name,
+        owner=part.name,
+        kind="outline",
+        center_um=post.center_um,
+        box_um=_disc(extent),
+        finest_um=min(x1 - x0, y1 - y0),
+        bright=bright,
+        parameters={"extent_um": extent},
     )
 
 

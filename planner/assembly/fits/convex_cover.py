@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from microplan.arrays import FloatArray
+from microplan.arrays import FloatArray, IntArray
 
 # Corners that turn inward by less than this, as the sine, count as straight.
 STRAIGHT = 1e-9
@@ -52,7 +52,7 @@ def convex_cover(points: FloatArray) -> tuple[FloatArray, ...]:
     return tuple(sites[cycle] for cycle in cycles.values())
 
 
-def _rising(triple: FloatArray, sites: FloatArray) -> Cycle:
+def _rising(triple: IntArray, sites: FloatArray) -> Cycle:
     """Return a triangle's corners counter-clockwise."""
     i, j, k = (int(corner) for corner in triple)
     (ax, ay), (bx, by) = sites[j] - sites[i], sites[k] - sites[i]

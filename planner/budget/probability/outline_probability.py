@@ -11,113 +11,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Polygon
 
 from microplan.arrays import FloatArray
 from microplan.planner.assembly.fits.peg_in_hole import (
-    PegInHole,
     PolygonEdges,
     Size,
     Slices,
     slices_of,
 )
-from microplan.planner.budget.probability.angle_budget import AngleError
-from microplan.planner.budget.probability.polygon_mass import (
-    PlaneError,
-    masses,
+from microplan.planner.budget.probability.angle_density import (
+    angle_density,
+    angle_mass,
+)
+from microplan.planner.budget.probability.outline_fit import OutlineFit, PoseError
+from microplan.planner.budget.probability.polygon_mass import masses
+from microplan.planner.budget.probability.region_pieces import (
+    components,
+    planned_piece,
 )
 
-ANGLE_SIGMAS = 8.0  # beyond which 1e-15 of an angle's error lies
 # Between two rules a panel may differ by this share of the rarer outcome, or this much.
 CLOSE, NEGLIGIBLE = 1e-3, 1e-9
 FINEST = 2.0**-30  # of the circle: no panel is shorter
 WIDEST_SIGMAS = 3.0  # of a panel: nine nodes see an angle's density over that
 RARE = 1e-7  # share of angles of which one slice is enough
-FREE_ANGLE_RAD = math.pi  # one sigma, from which on every angle is as likely
-SIZES = ((1.0, 3), (3.0, 4), (10.0, 6), (math.inf, 8))  # power: nodes a side
-LEFT_COUNTS = 0.5  # share of a cut-off residual's sigma that smooths like a normal one
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutlineFit:
-    """A planar peg and hole, edges as drawn, with what fabrication adds."""
-
-    shape: PegInHole
-    hole_tolerance_um: float  # hard limit of the edge's error, uniform within
-    shaft_tolerance_um: float
-    taper_um: float = 0.0  # what leaning walls take on each side
-    wider_um: float = 0.0  # by which the hole's edge is farther out than drawn
-
-    @property
-    def capture_um(self) -> float:
-        """Return the largest sideways error that still goes in, sizes as drawn."""
-        return self.capture_at(0.0)
-
-    def capture_at(self, thicker_um: float) -> float:
-        """Return the distance from the planned place to the edge of its slice.
-
-        `thicker_um` is what both edges together take; 0 where the place is not free.
-        """
-        slices, middle = slices_of(self.shape), Point(0.0, 0.0)
-        pieces = slices.at(0.0, self.wider_um - self.taper_um - thicker_um)
-        holding = next((p for p in pieces if p.contains(middle)), None)
-        return 0.0 if holding is None else float(holding.boundary.distance(middle))
-
-    def scaled(self, factor: float) -> OutlineFit:
-        """Return the same fit with other tolerances."""
-        return replace(
-            self,
-            hole_tolerance_um=self.hole_tolerance_um * factor,
-            shaft_tolerance_um=self.shaft_tolerance_um * factor,
-        )
-
-    def widened(self, wider_um: float) -> OutlineFit:
-        """Return the same fit with the hole's edge farther out."""
-        return replace(self, wider_um=self.wider_um + wider_um)
-
-    def sizes(self, error: PoseError) -> list[Size]:
-        """Return sizes as fabricated, as many as the error asks for.
-
-        Across a tolerance t a rare outcome changes by the power of t times capture
-        radius over the least variance.
-        """
-        tolerance = max(self.hole_tolerance_um, self.shaft_tolerance_um)
-        rest, left = error.plane.rest.principal[0], error.plane.residual.sigma_um
-        square = max(rest**2, (LEFT_COUNTS * left) ** 2, 1e-12)
-        power = tolerance * max(self.capture_um, tolerance) / square
-        count = next(nodes for most, nodes in SIZES if power <= most)
-        base = self.wider_um - self.taper_um
-        return [
-            Size(hole_um=base + hole, peg_um=peg, weight=a * b)
-            for hole, a in _uniform(self.hole_tolerance_um, count)
-            for peg, b in _uniform(self.shaft_tolerance_um, count)
-        ]
-
-
-def _uniform(tolerance_um: float, count: int) -> list[tuple[float, float]]:
-    """Return nodes and weights of a uniform distribution within a tolerance."""
-    if tolerance_um <= 0:
-        return [(0.0, 1.0)]
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return list(
-        zip((tolerance_um * nodes).tolist(), (weights / 2).tolist(), strict=True)
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseError:
-    """Error of a peg's pose in the frame of its hole."""
-
-    plane: PlaneError  # of the place, at no error of the angle
-    angle: AngleError
-    # what an error of the angle moves the place by, um per rad
-    lever_um: tuple[float, float] = (0.0, 0.0)
-    middle_rad: float = 0.0  # of the angle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +107,8 @@ class _Integral:
     def _panel(self, low: float, high: float) -> None:
         """Add the integral over a panel, or over its halves."""
         middle, half = (low + high) / 2, (high - low) / 2
-        inside = angle_mass(self.error, low, high)
+        angle = self.error.angle
+        inside = angle_mass(angle, self.error.middle_rad, low, high)
         if inside <= 0:
             return
         if half <= FINEST or inside <= NEGLIGIBLE or self._is_blocked(middle, half):
@@ -201,7 +123,7 @@ class _Integral:
                 *self._at(np.array([middle]))[1:],
             )
             return
-        widest = WIDEST_SIGMAS * self.error.angle.sigma_rad
+        widest = WIDEST_SIGMAS * angle.sigma_rad
         if 2 * half <= widest and self._rule(middle, half):
             return
         self._panel(low, middle)
@@ -223,7 +145,8 @@ class _Integral:
     def _rule(self, middle: float, half: float) -> bool:
         """Add a panel if two rules agree on it; return whether they do."""
         turns = middle + half * _POINTS
-        density = angle_density(self.error, turns) * half
+        angle, middle_rad = self.error.angle, self.error.middle_rad
+        density = angle_density(angle, middle_rad, turns) * half
         hit, slices, hits, miss = self._at(turns)
         fine, coarse = (np.array([hit, miss]) * density @ w for w in (_FINE, _COARSE))
         off = np.abs(fine - coarse)
@@ -282,29 +205,14 @@ class _Integral:
             return sum(float(node.hits[size][0]) for node in nodes)
         slices = [node.slices[size] for node in nodes]
         turns = [node.turn_rad for node in nodes]
-        names = _components(turns, slices)
-        start = self._start(turns, slices, names)
+        names = components(turns, slices)
+        start = planned_piece(turns, slices, names, self.slices.reach_um)
         return sum(
             float(hit)
             for node, owned in zip(nodes, names, strict=True)
             for hit, name in zip(node.hits[size], owned, strict=True)
             if name == start
         )
-
-    def _start(
-        self,
-        turns: Sequence[float],
-        slices: Sequence[tuple[Polygon, ...]],
-        names: Sequence[list[int]],
-    ) -> int:
-        """Return the piece that holds the planned pose, else the nearest one."""
-        middle, reach_um = Point(0.0, 0.0), self.slices.reach_um
-        found = [
-            (abs(turn) * reach_um + piece.distance(middle), name)
-            for turn, pieces, owned in zip(turns, slices, names, strict=True)
-            for piece, name in zip(pieces, owned, strict=True)
-        ]
-        return min(found)[1] if found else -1
 
 
 def _rows(items: Sequence[FloatArray], width: int) -> list[Sequence[FloatArray]]:
@@ -331,86 +239,6 @@ def _together(found: Sequence[PolygonEdges]) -> PolygonEdges:
     )
 
 
-def _components(
-    turns: Sequence[float], slices: Sequence[tuple[Polygon, ...]]
-) -> list[list[int]]:
-    """Return a name for each piece of each slice: one for what hangs together.
-
-    Pieces of neighbouring slices that overlap do; so do the first and last ones.
-    """
-    names: list[list[int]] = []
-    parents: list[int] = []
-    for pieces in slices:
-        names.append(list(range(len(parents), len(parents) + len(pieces))))
-        parents += names[-1]
-    pairs = list(pairwise(range(len(slices))))
-    if turns[-1] - turns[0] >= math.tau - 1e-9:
-        pairs.append((len(slices) - 1, 0))
-    for here, there in pairs:
-        for one, a in zip(slices[here], names[here], strict=True):
-            for other, b in zip(slices[there], names[there], strict=True):
-                if one is other or one.intersects(other):
-                    parents[_root(parents, a)] = _root(parents, b)
-    return [[_root(parents, name) for name in owned] for owned in names]
-
-
-def _root(parents: list[int], name: int) -> int:
-    while parents[name] != name:
-        name = parents[name]
-    return name
-
-
-def angle_density(error: PoseError, turns: FloatArray) -> FloatArray:
-    """Return the density of the angle's error, per rad, at turns (N,).
-
-    A normal one of s cut off at c plus a normal one of r: the normal one of both times
-    the share of what was cut off that leads there.
-    """
-    angle, off = error.angle, turns - error.middle_rad
-    sigma = _uncut(angle)
-    if sigma >= FREE_ANGLE_RAD and math.isinf(angle.cut_rad):
-        return np.full(len(turns), 1 / math.tau)
-    more = math.ceil(max(ANGLE_SIGMAS * sigma - math.pi, 0.0) / math.tau)
-    around = off[:, None] + math.tau * np.arange(-more, more + 1)
-    density = np.exp(-((around / sigma) ** 2) / 2) / sigma / math.sqrt(math.tau)
-    if not math.isinf(angle.cut_rad) and angle.left_rad > 0:
-        density = density * _cut_share(angle, around) / angle.left_inside
-    found: FloatArray = density.sum(axis=1)
-    return found
-
-
-def _uncut(angle: AngleError) -> float:
-    return math.hypot(angle.left_rad, angle.rest_rad)
-
-
-def _cut_share(angle: AngleError, off: FloatArray) -> FloatArray:
-    """Return the probability that an error `off` left from inside the cut, (N,)."""
-    left, rest, cut = angle.left_rad, angle.rest_rad, angle.cut_rad
-    if rest <= 0:
-        return (np.abs(off) < cut).astype(np.float64)
-    middle = off * (left / _uncut(angle)) ** 2
-    sigma = left * rest / _uncut(angle)
-    ends = [special.ndtr((side * cut - middle) / sigma) for side in (1, -1)]
-    share: FloatArray = ends[0] - ends[1]
-    return share
-
-
-def angle_mass(error: PoseError, low: float, high: float) -> float:
-    """Return the probability that the angle's error ends between two turns."""
-    reach = ANGLE_SIGMAS * _uncut(error.angle)
-    if _uncut(error.angle) < FREE_ANGLE_RAD:
-        low = max(low, error.middle_rad - reach)
-        high = min(high, error.middle_rad + reach)
-    if high <= low:
-        return 0.0
-    count = 1 + math.ceil((high - low) / max(_uncut(error.angle), 1e-12) / 2)
-    cuts = np.linspace(low, high, count + 1)
-    half = np.diff(cuts)[:, None] / 2
-    turns = cuts[:-1, None] + half * (1 + _GAUSS[0])
-    density = angle_density(error, turns.ravel()).reshape(turns.shape)
-    return float((half * density * _GAUSS[1]).sum())
-
-
 def _clenshaw_curtis(count: int) -> tuple[FloatArray, FloatArray]:
     """Return nodes, rising, and weights in -1..1; (count + 1,) each, count even."""
     k = np.arange(count + 1)
@@ -433,4 +261,3 @@ def _embedded() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 _POINTS, _FINE, _COARSE = _embedded()
-_GAUSS = np.polynomial.legendre.leggauss(12)

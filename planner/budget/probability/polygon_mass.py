@@ -28,6 +28,7 @@ ON_EDGE = 1e-6  # turns by which a sum of angles differs from a whole one
 # Narrow principal sigmas below this share of the wide one are taken as that: the mass
 # then differs by what lies within so much of the boundary.
 LEAST_RATIO = 1e-3
+LEAST_UM = 1e-9  # a smaller sigma is taken as that
 # Hermite nodes along the wide axis, per ratio of what it has more to all the rest.
 NODES_PER_RATIO, LEAST_NODES, MOST_NODES = 4.0, 6, 64
 
@@ -92,6 +93,7 @@ def _isotropic(
     if residual.sigma_um <= 0 or residual.within_um <= 0 or free:
         left = residual.sigma_um if free else 0.0
         narrow, wide = math.hypot(narrow, left), math.hypot(wide, left)
+        wide = max(wide, LEAST_UM)
         narrow = max(narrow, LEAST_RATIO * wide)
         basis = np.array([[c / wide, s / wide], [-s / narrow, c / narrow]])
         return radial_law(_NONE, 1.0), basis, np.zeros((1, 2)), np.ones(1)
@@ -136,7 +138,7 @@ def _within_reach(
     off: FloatArray, first: FloatArray, last: FloatArray, law: RadialLaw
 ) -> FloatArray:
     """Return the integral of Q dphi / 2 pi along lines at a distance `off`, (N,)."""
-    count = np.ceil((last - first) / (PANEL_SCALES * law.scale_um)).astype(np.int64)
+    count = np.ceil((last - first) / (PANEL_SCALES * law.scale_um)).astype(np.intp)
     which = np.repeat(np.arange(len(off)), count)
     index = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
     width = ((last - first) / count)[which]
@@ -145,8 +147,7 @@ def _within_reach(
     short = width < SHORT * law.scale_um
     for chosen, nodes in ((short, FEW), (~short, MANY)):
         part[chosen] = _pieces(h[chosen], start[chosen], width[chosen], law, nodes)
-    found: FloatArray = np.bincount(which, part, len(off))
-    return found
+    return np.asarray(np.bincount(which, part, len(off)), dtype=np.float64)
 
 
 def _pieces(

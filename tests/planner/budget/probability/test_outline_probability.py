@@ -26,11 +26,8 @@ from microplan.planner.budget.probability.fit_probability import (
     RoundFit,
     miss_probability,
 )
-from microplan.planner.budget.probability.outline_probability import (
-    OutlineFit,
-    PoseError,
-    seating,
-)
+from microplan.planner.budget.probability.outline_fit import OutlineFit, PoseError
+from microplan.planner.budget.probability.outline_probability import seating
 from microplan.planner.budget.probability.polygon_mass import PlaneError
 from microplan.schemas.plan.verdicts import TurnRow
 
