@@ -73,7 +73,7 @@ def _with_angle(
 
 
 def free_angle_rad(task: Task, insert: StepState) -> float | None:
-    """Return the error of the angle that still goes in at the planned place.
+    """Return the error of the angle that still goes in, both parts turned alike.
 
     As fabricated at the worst, else as drawn; None if the angle is of no matter or
     nothing goes in.
@@ -81,8 +81,9 @@ def free_angle_rad(task: Task, insert: StepState) -> float | None:
     mating = mating_of(task, insert.step, insert.after)
     if mating is None or mating.shape is None or mating.shape.turns_freely:
         return None
+    aligned = replace(mating.shape, angle_rad=0.0)
     for wider_um in mating.wider_um[:2]:
-        back, forth = free_angles_rad(mating.shape, wider_um)
+        back, forth = free_angles_rad(aligned, wider_um)
         if back < 0 < forth:
             return min(-back, forth)
     return None
