@@ -17,7 +17,7 @@ from microplan.planner.assembly.assembly import (
     owner_of,
     part_pose,
 )
-from microplan.planner.task.features import is_round
+from microplan.planner.task.features import extent, is_round
 from microplan.planner.task.task import FeatureKind, Part, PartFeature, Post, Task
 from microplan.planner.task.workcell import Tool
 from microplan.schemas.pose import Pose
@@ -165,17 +165,16 @@ def _circle(
 def _post_outline(part: Part, post: Post, name: str, *, bright: bool) -> TargetShape:
     """Return the outline of a post that is no whole circle, about its own point."""
     x0, y0, x1, y1 = post.outline.bounds_um
-    x, y = post.center_um
-    extent = max(math.hypot(a - x, b - y) for a in (x0, x1) for b in (y0, y1))
+    _, reach_um = extent(post.outline, post.center_um)
     return TargetShape(
         name=name,
         owner=part.name,
         kind="outline",
         center_um=post.center_um,
-        box_um=_disc(extent),
+        box_um=_disc(reach_um),
         finest_um=min(x1 - x0, y1 - y0),
         bright=bright,
-        parameters={"extent_um": extent},
+        parameters={"extent_um": reach_um},
     )
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray, IntArray
@@ -195,6 +195,12 @@ class Slices:
             return self._slice(turn_rad, hole_um, peg_um)
         drawn = self.at(turn_rad, max(hole_um, 0.0), min(peg_um, 0.0))
         return shapely.union_all(shapely.buffer(list(drawn), -less_um, quad_segs=16))
+
+    def capture_um(self, wider_um: float = 0.0) -> float:
+        """Return the distance from the planned place to the edge of its slice, or 0."""
+        middle, pieces = Point(0.0, 0.0), self.at(0.0, wider_um)
+        holding = next((p for p in pieces if p.contains(middle)), None)
+        return 0.0 if holding is None else float(holding.boundary.distance(middle))
 
     def edges_at(
         self, turn_rad: float, sizes: tuple[Size, ...]

@@ -44,9 +44,7 @@ def capture_um(fit: PegInHole, wider_um: float = 0.0) -> float:
         room = min(_distance_um(edge) for edge in edges) - first.radius_um
         inside = Polygon(ring_points(fit.hole.rings[0], fit.chord_um))
         return max(room + wider_um, 0.0) if inside.contains(Point(0, 0)) else 0.0
-    pieces, middle = slices_of(fit).at(0.0, wider_um), Point(0.0, 0.0)
-    holding = next((p for p in pieces if p.contains(middle)), None)
-    return 0.0 if holding is None else float(holding.boundary.distance(middle))
+    return slices_of(fit).capture_um(wider_um)
 
 
 def _distance_um(edge: Edge) -> float:

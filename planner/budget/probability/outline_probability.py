@@ -38,6 +38,7 @@ from microplan.planner.budget.probability.region_pieces import (
 CLOSE, NEGLIGIBLE = 1e-3, 1e-9
 FINEST = 2.0**-30  # of the circle: no panel is shorter
 WIDEST_SIGMAS = 3.0  # of a panel: nine nodes see an angle's density over that
+LEAST_ROOM = 1e-3  # of the hole's size: pieces shorter than that may be missed
 RARE = 1e-7  # share of angles of which one slice is enough
 
 
@@ -149,11 +150,21 @@ class _Integral:
         density = angle_density(angle, middle_rad, turns) * half
         hit, slices, hits, miss = self._at(turns)
         fine, coarse = (np.array([hit, miss]) * density @ w for w in (_FINE, _COARSE))
+        if any(not each for found in slices for each in found) and not self._sees(half):
+            return False
         off = np.abs(fine - coarse)
         if off.max() > max(CLOSE * fine.min(), CLOSE * half / math.tau / 4, NEGLIGIBLE):
             return False
         self._record(turns, density * _FINE, slices, hits, miss)
         return True
+
+    def _sees(self, half: float) -> bool:
+        """Return whether nine angles of a panel cannot all miss a piece of note.
+
+        A piece is about as long as what turns a point by the room that there is.
+        """
+        room_um = max(self.slices.capture_um(), LEAST_ROOM * self.slices.fit.size_um)
+        return half * self.slices.reach_um <= room_um
 
     def _record(
         self,

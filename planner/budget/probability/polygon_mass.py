@@ -29,8 +29,9 @@ ON_EDGE = 1e-6  # turns by which a sum of angles differs from a whole one
 # then differs by what lies within so much of the boundary.
 LEAST_RATIO = 1e-3
 LEAST_UM = 1e-9  # a smaller sigma is taken as that
-# Hermite nodes along the wide axis, per ratio of what it has more to all the rest.
-NODES_PER_RATIO, LEAST_NODES, MOST_NODES = 4.0, 6, 64
+# Steps along the wide axis: in scales of the law, of which the least is a share of its
+# reach; and how many sigmas of the axis count, 1e-12.
+STEP_SCALES, LEAST_STEP, WIDE_SIGMAS = 1.2, 0.03, 7.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,12 +61,12 @@ def masses(
     two (count,) float arrays
         In 0..1; small values of either keep their digits.
     """
-    law, basis, moves, weights = _isotropic(error)
+    if not len(edges.owner):
+        return np.zeros(edges.count), np.ones(edges.count)
     middle = (shifts_um + np.array(error.rest.middle_um))[edges.owner]
-    starts, ends = (
-        (edges.starts_um - middle) @ basis.T,
-        (edges.ends_um - middle) @ basis.T,
-    )
+    starts, ends = edges.starts_um - middle, edges.ends_um - middle
+    law, basis, moves, weights = _isotropic(error, starts)
+    starts, ends = starts @ basis.T, ends @ basis.T
     hit, miss = np.zeros(edges.count), np.zeros(edges.count)
     for move, weight in zip(moves, weights, strict=True):
         angle, tail = _tails(starts - move, ends - move, law)
@@ -75,16 +76,18 @@ def masses(
         beyond = np.bincount(edges.owner, tail, edges.count)
         hit += weight * np.clip(winding - beyond, 0, 1)
         miss += weight * np.clip((1 - winding) + beyond, 0, 1)
-    return hit, miss
+    # where no shift brings a polygon near, nothing is hit
+    return hit, np.clip(miss + (1 - weights.sum()), 0, 1)
 
 
 def _isotropic(
-    error: PlaneError,
+    error: PlaneError, reached_um: FloatArray
 ) -> tuple[RadialLaw, FloatArray, FloatArray, FloatArray]:
     """Return a radial law, a basis in which it holds, moves (N, 2) and weights (N,).
 
     A normal error is stretched until it is round. Beside a residual that is cut off,
-    what the wide axis has more is averaged over.
+    what the wide axis has more is averaged over; `reached_um`, (N, 2), are the corners
+    of the polygons.
     """
     residual, rest = error.residual, error.rest
     narrow, wide, angle = rest.principal
@@ -101,14 +104,27 @@ def _isotropic(
     extra = math.sqrt(max((wide - narrow) * (wide + narrow), 0.0))
     if extra <= LEAST_RATIO * law.scale_um:
         return law, np.eye(2), np.zeros((1, 2)), np.ones(1)
-    count = math.ceil(NODES_PER_RATIO * (1 + extra / law.scale_um))
-    node, weight = np.polynomial.hermite_e.hermegauss(
-        min(max(count, LEAST_NODES), MOST_NODES)
-    )
-    seen = weight > 1e-18 * weight.sum()
-    node, weight = node[seen], weight[seen]
-    moves = extra * node[:, None] * np.array([c, s])
-    return law, np.eye(2), moves, weight / weight.sum()
+    way = np.array([c, s])
+    steps, weights = _along(extra, law, (reached_um @ way).tolist())
+    return law, np.eye(2), steps[:, None] * way, weights
+
+
+def _along(
+    extra_um: float, law: RadialLaw, reached_um: list[float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights, (N,), of a normal shift that may bring polygons near.
+
+    The rule of equal steps: for a normal factor, blurred by the law, it errs by
+    exp(-2 pi**2 / step**2) in sigmas of the narrower one.
+    """
+    step = min(extra_um, STEP_SCALES * max(law.scale_um, law.reach_um * LEAST_STEP))
+    most = WIDE_SIGMAS * extra_um
+    low = max(min(reached_um) - law.reach_um, -most)
+    high = min(max(reached_um) + law.reach_um, most)
+    first, last = math.floor(low / step), math.ceil(high / step)
+    nodes = step * np.arange(first, max(last, first) + 1)
+    weights = np.exp(-((nodes / extra_um) ** 2) / 2) / math.sqrt(math.tau)
+    return nodes, weights * step / extra_um
 
 
 _NONE = Residual(sigma_um=0.0, within_um=0.0)
