@@ -25,6 +25,7 @@ from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.emit import PlanFiles
+from microplan.planner.plan.fit_picture import fit_pictures
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.speculation import Ahead, begin, listen
@@ -73,7 +74,10 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         plan=plan,
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
-        images={look.look.scene.image: look.picture for look in looks},
+        images={
+            **{look.look.scene.image: look.picture for look in looks},
+            **fit_pictures(task, states),
+        },
         figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},

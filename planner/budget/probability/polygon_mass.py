@@ -124,7 +124,7 @@ def _along(
     first, last = math.floor(low / step), math.ceil(high / step)
     nodes = step * np.arange(first, max(last, first) + 1)
     weights = np.exp(-((nodes / extra_um) ** 2) / 2) / math.sqrt(math.tau)
-    return nodes, weights * step / extra_um
+    return np.asarray(nodes, dtype=np.float64), weights * step / extra_um
 
 
 _NONE = Residual(sigma_um=0.0, within_um=0.0)
