@@ -28,7 +28,7 @@ from benchmarks.optics import (
 )
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
-from benchmarks.selection import feature_sets, promises
+from benchmarks.selection import feature_sets, kept_sigmas, promises
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     house.BENCHMARK,
@@ -44,6 +44,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     coherence.BENCHMARK,
     polarity.BENCHMARK,
     promises.BENCHMARK,
+    kept_sigmas.BENCHMARK,
     costs.BENCHMARK,
     feature_sets.BENCHMARK,
     sweeps.BENCHMARK,

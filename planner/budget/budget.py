@@ -13,7 +13,7 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
-from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan import Budget, BudgetRow, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
@@ -39,6 +39,8 @@ class PastMeasurement:
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without the magnification error; None: the same
     sigma_without_scale_um: float | None = None
+    moved_um: float = 0.0  # what moves since add to both sigmas; stated, not measured
+    repeatability: Repeatability | None = None  # what it is known by; None: unknown
 
     @property
     def term(self) -> str:
@@ -126,8 +128,10 @@ def looking_rows(
         ),
         _row(
             "partial coherence",
-            math.hypot(hole.coherence_um, shaft.coherence_um),
-            "workcell coherence: edges move, middles of symmetry stay",
+            0.0,
+            "workcell coherence: a bias of at most "
+            f"{hole.coherence_um + shaft.coherence_um:.3g} um, in the lower bound of "
+            "P(success); middles of symmetry stay",
         ),
         _row(
             "parcentric jump of the zoom",

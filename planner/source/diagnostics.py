@@ -100,6 +100,7 @@ TITLES: Mapping[str, str] = {
     "MP613": "whether a released part stays",
     "MP614": "how firmly a part is held",
     "MP615": "where a placed part comes to lie",
+    "MP616": "success not shown at the confidence asked for",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
     "MP703": "file is there already",
