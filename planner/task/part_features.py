@@ -9,8 +9,8 @@ from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, Ring
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
-from microplan.planner.task import features
-from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.regions import features
+from microplan.planner.task.regions.features import NotFoundError
 from microplan.planner.task.regions.rings import by_size, listed, nearest
 from microplan.planner.task.regions.symmetry import centroid, symmetry_order
 from microplan.planner.task.surfaces import OWN

@@ -11,10 +11,10 @@ from microplan.planner.drawings.census import Taken
 from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, with_defaults
-from microplan.planner.task import features
 from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
-from microplan.planner.task.features import NotFoundError
 from microplan.planner.task.part_features import read_features, whole_outline
+from microplan.planner.task.regions import features
+from microplan.planner.task.regions.features import NotFoundError
 from microplan.planner.task.regions.symmetry import centroid, symmetry_order
 from microplan.planner.task.surfaces import (
     OWN,
