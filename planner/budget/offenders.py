@@ -122,11 +122,21 @@ def yield_over_shaft(job: Insertion) -> YieldCurve:
 
 
 def _yield_over_room(job: Insertion) -> YieldCurve:
-    """Return the yield curve over an offset of the edges that takes room, um."""
-    room = job.fit.capture_um
-    taken = [room * (share - 1) for share in _shares(SHAFT_SHARES)]
-    jobs = [job.widened(-2 * less) for less in taken]
-    return yield_curve("edge of the shaft, beyond the drawing", taken, jobs)
+    """Return the yield curve over an offset of the shaft's edge, um.
+
+    Of a round shaft over its diameter.
+    """
+    fit = job.fit
+    if not isinstance(fit, OutlineFit):
+        raise TypeError("a round fit has diameters")
+    room = fit.capture_um + fit.taper_um
+    taken = [room * (1 - share) for share in _shares(SHAFT_SHARES)][::-1]
+    jobs = [job.widened(-2 * more) for more in taken]
+    radius = fit.shape.peg_radius_um
+    if radius is None:
+        return yield_curve("edge of the shaft, beyond the drawing", taken, jobs)
+    shafts = [2 * (radius + more) for more in taken]
+    return yield_curve("diameter of the shaft", shafts, jobs)
 
 
 def yield_over_tolerance(job: Insertion) -> YieldCurve:

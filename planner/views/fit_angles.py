@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.fits.mates import mates_of
 from microplan.planner.assembly.fits.room import free_angles_rad
-from microplan.planner.assembly.mating import hole_and_shaft, mating_of
+from microplan.planner.assembly.mating import Mating, hole_and_shaft, mating_of
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
@@ -64,26 +65,25 @@ def _with_angle(
     if insert is None:
         return step
     here = next(state for state in states if state.step is insert)
-    free_rad = free_angle_rad(task, here)
-    if free_rad is None:
+    mating = mating_of(task, here.step, here.after)
+    if mating is None or mating.shape is None or mating.shape.turns_freely:
         return step
+    free_rad = free_angle_rad(mating)
     carrier = locate_place(task, align.before, step.target or "").carrier
     least = EASY_SIGMAS * axes_of(task, carrier).repeatability_theta_rad
     return replace(step, tolerance_theta_rad=max(ANGLE_SHARE * free_rad, least))
 
 
-def free_angle_rad(task: Task, insert: StepState) -> float | None:
+def free_angle_rad(mating: Mating) -> float:
     """Return the error of the angle that still goes in, both parts turned alike.
 
-    As fabricated at the worst, else as drawn; None if the angle is of no matter or
-    nothing goes in.
+    As fabricated at the worst, else as drawn; 0 if nothing goes in.
     """
-    mating = mating_of(task, insert.step, insert.after)
-    if mating is None or mating.shape is None or mating.shape.turns_freely:
-        return None
+    if mating.shape is None:
+        return math.pi
     aligned = replace(mating.shape, angle_rad=0.0)
     for wider_um in mating.wider_um[:2]:
         back, forth = free_angles_rad(aligned, wider_um)
         if back < 0 < forth:
             return min(-back, forth)
-    return None
+    return 0.0

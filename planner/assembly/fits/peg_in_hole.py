@@ -44,6 +44,13 @@ class PegInHole:
         return float(np.hypot(*ring_points(self.peg.rings[0], self.chord_um).T).max())
 
     @property
+    def peg_radius_um(self) -> float | None:
+        """Return the radius of a peg that is a whole circle, None of another one."""
+        first = self.peg.rings[0].edges[0]
+        round_peg = isinstance(first, Arc) and is_whole_circle(self.peg.rings[0])
+        return first.radius_um if isinstance(first, Arc) and round_peg else None
+
+    @property
     def size_um(self) -> float:
         """Return the diagonal of the hole's box."""
         x0, y0, x1, y1 = self.hole.bounds_um

@@ -14,7 +14,6 @@ from microplan.optics.outline.outline import Arc, Edge
 from microplan.planner.assembly.fits.peg_in_hole import (
     PegInHole,
     Slices,
-    is_whole_circle,
     ring_points,
     slices_of,
 )
@@ -37,11 +36,10 @@ def capture_um(fit: PegInHole, wider_um: float = 0.0) -> float:
     0 where the planned place is not free. Both edges together leave `wider_um` more
     than drawn. Of a whole circle it is exact: its centre's distance from the hole.
     """
-    peg = fit.peg.rings[0]
-    first = peg.edges[0]
-    if isinstance(first, Arc) and is_whole_circle(peg):
+    radius = fit.peg_radius_um
+    if radius is not None:
         edges = fit.hole.rings[0].edges
-        room = min(_distance_um(edge) for edge in edges) - first.radius_um
+        room = min(_distance_um(edge) for edge in edges) - radius
         inside = Polygon(ring_points(fit.hole.rings[0], fit.chord_um))
         return max(room + wider_um, 0.0) if inside.contains(Point(0, 0)) else 0.0
     return slices_of(fit).capture_um(wider_um)
@@ -60,8 +58,7 @@ def _distance_um(edge: Edge) -> float:
     away = math.hypot(cx, cy)
     if away == 0:
         return edge.radius_um
-    side = 1 if away < edge.radius_um else -1  # its nearest point is behind the centre
-    turn = math.atan2(side * cy, side * cx) - edge.start_rad
+    turn = math.atan2(-cy, -cx) - edge.start_rad  # of the point nearest to the origin
     turn = math.remainder(turn, math.tau) * math.copysign(1.0, edge.sweep_rad)
     passes = turn % math.tau <= abs(edge.sweep_rad)
     return min(ends, abs(away - edge.radius_um)) if passes else ends

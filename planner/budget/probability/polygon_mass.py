@@ -19,6 +19,7 @@ from microplan.arrays import FloatArray
 from microplan.planner.assembly.fits.peg_in_hole import PolygonEdges
 from microplan.planner.budget.probability.ellipse_probability import PlaneNormal
 from microplan.planner.budget.probability.fit_probability import Residual
+from microplan.planner.budget.probability.quadrature import gauss
 from microplan.planner.budget.probability.radial_law import RadialLaw, radial_law
 
 PANEL_SCALES = 1.5  # length of a piece of an edge
@@ -170,7 +171,7 @@ def _pieces(
     h: FloatArray, start: FloatArray, width: FloatArray, law: RadialLaw, count: int
 ) -> FloatArray:
     """Return the integral along pieces of lines at a distance `h`, (N,)."""
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = gauss(count)
     t = start[:, None] + width[:, None] * (nodes + 1) / 2
     square = h[:, None] ** 2 + t * t
     radius = np.sqrt(square)

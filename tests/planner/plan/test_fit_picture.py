@@ -35,4 +35,5 @@ def test_the_overlap_is_dark_and_as_large_as_it_is() -> None:
     assert 0.8 * segment < dark < segment
     rows, columns = np.nonzero(drawn == OVERLAP)
     assert rows.mean() == pytest.approx(SIDE_PX / 2, abs=20)
-    assert columns.min() > np.nonzero(drawn == SHAFT)[1].mean()
+    # lines are as dark where they are smoothed
+    assert np.median(columns) > 1.2 * np.median(np.nonzero(drawn == SHAFT)[1])

@@ -59,7 +59,7 @@ def test_a_key_without_a_keyway_overlaps(hole: Outline, peg: Outline) -> None:
     found = fit(hole, peg)
     overlap = overlap_of(found)
     assert overlap is not None
-    assert overlap.depth_um > 4
+    assert overlap.depth_um > 3  # half the key's width at the least, less its corners
     assert capture_um(found) == 0.0
     assert angle_elsewhere_rad(found) is None
 
@@ -86,7 +86,7 @@ def test_a_key_is_found_where_its_keyway_is() -> None:
     assert overlap_of(found) is not None
     turn = angle_elsewhere_rad(found)
     assert turn is not None
-    assert turn == pytest.approx(-1.0, abs=0.1)  # it has some play there
+    assert turn == pytest.approx(-1.0, abs=0.15)  # it has some play there
     assert overlap_of(fit(keyed(33.0, 40.0, 10.0), keyed(30.0, 38.0, 8.0))) is None
 
 
