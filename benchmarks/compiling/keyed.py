@@ -83,8 +83,8 @@ def _pair(kind: str, gap: float, rng: np.random.Generator) -> tuple[Outline, Out
 def write_task(folder: Path, bore: Outline, post: Outline) -> Path:
     """Return the task file of the example with another bore and post."""
     shutil.copytree(EXAMPLE, folder)
-    _redraw(folder / "parts" / "gear18.dxf", "BORE", bore)
-    _redraw(folder / "parts" / "shaft_plate.dxf", "POST", post)
+    redraw(folder / "parts" / "gear18.dxf", "BORE", bore)
+    redraw(folder / "parts" / "shaft_plate.dxf", "POST", post)
     file = folder / "task.yaml"
     text = file.read_text(encoding="utf-8")
     bored = ("bore:  {kind: circle", "bore: {kind: outline, layer: BORE}")
@@ -95,7 +95,7 @@ def write_task(folder: Path, bore: Outline, post: Outline) -> Path:
     return file
 
 
-def _redraw(file: Path, layer: str, outline: Outline) -> None:
+def redraw(file: Path, layer: str, outline: Outline) -> None:
     """Replace all entities of a layer of a plain drawing."""
     lines = file.read_text(encoding="utf-8").splitlines()
     start = lines.index("ENTITIES") + 1
