@@ -16,9 +16,10 @@ FAMILIES = (
 )  # fmt: skip
 NON_CONVEX = ("key", "keyway", "cross", "spline", "dumbbell", "L", "star")
 SEVERAL = ("cross", "spline", "square", "dumbbell", "hexagon")  # pieces of the region
+# Shares of the size; so little that no hexagon or square turns from one fit to the next.
 GAPS = {
-    "square": (0.1, 0.25),
-    "hexagon": (0.05, 0.12),
+    "square": (0.1, 0.22),
+    "hexagon": (0.03, 0.065),
     "cross": (0.08, 0.2),
     "spline": (0.03, 0.08),
     "dumbbell": (0.1, 0.3),
