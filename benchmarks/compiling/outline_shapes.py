@@ -16,7 +16,7 @@ FAMILIES = (
 )  # fmt: skip
 NON_CONVEX = ("key", "keyway", "cross", "spline", "dumbbell", "L", "star")
 SEVERAL = ("cross", "spline", "square", "dumbbell", "hexagon")  # pieces of the region
-# Shares of the size; so little that no hexagon or square turns from one fit to the next.
+# Shares of the size; with more a hexagon or a square turns from one fit to the next.
 GAPS = {
     "square": (0.1, 0.22),
     "hexagon": (0.03, 0.065),
