@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from benchmarks import house
-from benchmarks.compiling import fit, imports, machines, memory, stages, times
+from benchmarks.compiling import (
+    fit,
+    fit_outlines,
+    imports,
+    keyed,
+    machines,
+    memory,
+    stages,
+    times,
+)
 from benchmarks.defocus import error_maps, law_outlines
 from benchmarks.executing import (
     control,
@@ -50,6 +59,8 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     sweeps.BENCHMARK,
     heights.BENCHMARK,
     fit.BENCHMARK,
+    fit_outlines.BENCHMARK,
+    keyed.BENCHMARK,
     convergence.BENCHMARK,
     hostile.BENCHMARK,
     same_meaning.BENCHMARK,

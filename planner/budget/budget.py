@@ -11,6 +11,7 @@ from microplan.planner.assembly.holding import between_jaws
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.probability.fit_probability import RoundFit
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
 from microplan.schemas.plan import Budget, BudgetRow, Repeatability
@@ -48,18 +49,27 @@ class PastMeasurement:
         return f"measurement of {self.name}"
 
 
-def fit_of(task: Task, insert: StepState) -> RoundFit | None:
-    """Return the round fit of an insertion, None if hole or shaft is not round."""
+def fit_of(task: Task, insert: StepState) -> RoundFit | OutlineFit | None:
+    """Return the fit of an insertion, None if hole or post is unclear."""
     mating = mating_of(task, insert.step, insert.after)
     if mating is None:
         return None
     hole, _, _ = (insert.step.target or "").partition(".")
     part, _, shaft = (insert.step.onto or "").partition(".")
+    in_hole = task.parts[hole].profile_tolerance_um
+    on_shaft = task.parts[part].posts[shaft].profile_tolerance_um
+    if mating.shape is not None:
+        return OutlineFit(
+            shape=mating.shape,
+            hole_tolerance_um=in_hole,
+            shaft_tolerance_um=on_shaft,
+            taper_um=mating.taper_um / 2,
+        )
     return RoundFit(
         hole_um=mating.hole_um / 2,
         shaft_um=mating.shaft_um / 2,
-        hole_tolerance_um=task.parts[hole].profile_tolerance_um,
-        shaft_tolerance_um=task.parts[part].posts[shaft].profile_tolerance_um,
+        hole_tolerance_um=in_hole,
+        shaft_tolerance_um=on_shaft,
         taper_um=mating.taper_um / 2,
     )
 

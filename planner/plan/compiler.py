@@ -15,7 +15,7 @@ from functools import partial
 from importlib.metadata import version
 
 from microplan.planner.assembly.assembly import State, initial
-from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import (
     axis_move,
     build_world,
@@ -27,6 +27,7 @@ from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
+from microplan.planner.plan.fit_picture import fit_pictures
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.speculation import Ahead, begin, listen
@@ -37,6 +38,7 @@ from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import check_tolerances
 from microplan.planner.views.check_task import check_fits
+from microplan.planner.views.fit_angles import unfold_with_angles
 from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
 from microplan.schemas.codec import to_data
@@ -56,7 +58,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     """
     started = time.perf_counter()
     read_twice(task, report, options.memo)
-    states = unfold(task, report)
+    task, states = unfold_with_angles(task, report)
     check_fits(task, states, report)
     can_align = check_tolerances(task, states, report)
     if report.failed:
@@ -76,7 +78,10 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         plan=plan,
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
-        images={look.look.scene.image: look.picture for look in looks},
+        images={
+            **{look.look.scene.image: look.picture for look in looks},
+            **fit_pictures(task, states),
+        },
         figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},

@@ -208,6 +208,6 @@ def _make(
 ) -> PartFeature:
     """Return the feature; values that its kind does not have stay as they are."""
     return PartFeature(
-        name=name, kind=raw["kind"], center_um=center_um,
+        name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
         avoid=raw.get("avoid", False), where=at, **values,
     )  # fmt: skip

@@ -142,10 +142,10 @@ def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
     """Return the post; its circle is that of its outer ring if it has one."""
     try:
         found = features.circle(shape.rings[:1])
-        center, radius_um, order = found.center_um, found.radius_um, 0
+        center, radius_um = found.center_um, found.radius_um
     except NotFoundError:
         center, radius_um = features.extent(shape, centroid(shape.rings[:1]))
-        order = symmetry_order(shape.rings[0])
+    order = 0 if features.is_round(shape) else symmetry_order(shape.rings[0])
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
         reflectance=float(raw["reflectance"]),
