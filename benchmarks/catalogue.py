@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from benchmarks import house
-from benchmarks.compiling import fit, imports, machines, memory, stages, times
+from benchmarks.compiling import (
+    fit,
+    fit_outlines,
+    imports,
+    keyed,
+    machines,
+    memory,
+    stages,
+    times,
+)
 from benchmarks.defocus import error_maps, law_outlines
 from benchmarks.executing import (
     control,
@@ -28,7 +37,7 @@ from benchmarks.optics import (
 )
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
-from benchmarks.selection import feature_sets, promises
+from benchmarks.selection import feature_sets, kept_sigmas, promises
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     house.BENCHMARK,
@@ -44,11 +53,14 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     coherence.BENCHMARK,
     polarity.BENCHMARK,
     promises.BENCHMARK,
+    kept_sigmas.BENCHMARK,
     costs.BENCHMARK,
     feature_sets.BENCHMARK,
     sweeps.BENCHMARK,
     heights.BENCHMARK,
     fit.BENCHMARK,
+    fit_outlines.BENCHMARK,
+    keyed.BENCHMARK,
     convergence.BENCHMARK,
     hostile.BENCHMARK,
     same_meaning.BENCHMARK,

@@ -72,7 +72,9 @@ def judge(index: int) -> Judged:
     fresh = run(case, alone, design(case, FRESH, _FRESH_ROOT))
     (truth,) = score(case, alone, fresh)
     mine = outcomes.by(judged.chain)
-    right = [o for o in fresh if o.failure is None and not is_wrong(case, o)]
+    # corners are in no statistic of errors
+    drawn = [o for o in fresh if o.failure is None and not o.corner]
+    right = [o for o in drawn if not is_wrong(case, o)]
     return Judged(
         decided=chosen is not None,
         broken=(*_broken(judged, truth), *_gate_broken(case, alone, mine, fresh)),
@@ -105,7 +107,9 @@ def gated(outcome: Outcome, gate: Gate) -> Outcome:
         return outcome
     if gate.passes(outcome.score, outcome.spread_um):
         return outcome
-    return Outcome(chain=outcome.chain, trial=outcome.trial, failure=GATED)
+    return Outcome(
+        chain=outcome.chain, trial=outcome.trial, failure=GATED, corner=outcome.corner
+    )
 
 
 def _gate_broken(

@@ -106,10 +106,12 @@ def _first(left: RunArtifacts) -> Element:
     simulated = station == "sim"
     seed, planned = data.get("seed"), left.plan.get("steps")
     done = sum(not step.get("code") for step in left.steps)
+    low = real(data, "success_low")
+    least = None if low is None else el("small", f"at least {chance(low)}")
     pairs: list[tuple[str, Node]] = [
         ("steps done", f"{done} of {len(planned) if isinstance(planned, list) else 0}"),
         ("time", [seconds(real(data, "time_s")), predicted(left)]),
-        ("P(success) predicted", chance(real(data, "success_probability"))),
+        ("P(success) predicted", [chance(real(data, "success_probability")), least]),
         ("station", "simulated cell" if simulated else station),
     ]  # fmt: skip
     if simulated and isinstance(seed, int):

@@ -27,6 +27,9 @@ def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
         "plan": plan.name,
         "done": result.done,
         "success_probability": plan.success_probability,
+        "success_low": None
+        if plan.success_bound is None
+        else plan.success_bound.success_low,
         **to_data(result),
         **extra,
     }

@@ -1,4 +1,4 @@
-"""The perturbation design of a look: its trials, each made when it is asked for."""
+"""The trials of a look, random ones and corners, each made when it is asked for."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from microplan.featuresel.features.factorial_design import (
     interior,
     words,
 )
-from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.static_layers import CUT
+from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 
-_EVERY = 4  # each fourth trial is an extreme, whatever their number
+_EVERY = 4  # each fourth trial is a corner, whatever their number
+DRAWN_SIGMAS = 4.0  # where normal draws end: .1 % of the variance is left out
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 _BLOCK = 1024  # points drawn at a time, a power of two
 MOST_TRIALS = 2**20  # more than any look gets
@@ -49,6 +49,7 @@ class Trial:
     noise: float = 1.0  # times the sensor's
     # by which each of the spread's `turning` is turned, rad
     turns_rad: tuple[float, ...] = ()
+    corner: bool = False  # of what is tried: it decides no sigma and no bias
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,7 @@ class Design(Sequence[Trial]):
     first: int
     step: int
     length: int
+    has_corners: bool = True  # each fourth; else all are random
 
     def __len__(self) -> int:
         """Return how many trials there are."""
@@ -108,7 +110,7 @@ class Design(Sequence[Trial]):
         return min(_BLOCK, 1 << max(1, last.bit_length()))
 
     def _trial(self, index: int, block: int) -> Trial:
-        turn, place_of = divmod(index, _EVERY)
+        turn, place_of = divmod(index, _EVERY) if self.has_corners else (0, 0)
         if place_of == _EVERY - 1:
             return _extreme(self.case, index, turn, self.root_seed)
         start, row = divmod(index - turn, block)
@@ -125,11 +127,12 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
     """Return the first `count` trials of a look.
 
     Trial k depends on the case, `root_seed` and k alone: other routines, cases or
-    counts change none. Three of four are scrambled Sobol points mapped to the spreads;
-    each fourth is an extreme of a folded two-level design (2 sigma in focus, zoom and
-    angle, the ends of the light's and the noise's intervals, nine tenths to all of
-    `search_um`). A standard deviation that is zero leaves its axis at rest and the
-    others where they were.
+    counts change none. Three of four are random: scrambled Sobol points mapped to the
+    workcell's own spreads, `LookCase.drawn`. Each fourth is a corner of what is tried,
+    `LookCase.spread`, by a folded two-level design (2 sigma in focus, zoom and angle,
+    the ends of the light's and the noise's intervals, nine tenths to all of
+    `search_um`). A standard deviation of zero leaves its axis at rest and the others
+    where they were.
 
     Parameters
     ----------
@@ -152,6 +155,16 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
     return Design(case=case, root_seed=root_seed, first=0, step=1, length=count)
 
 
+def random_design(case: LookCase, count: int, root_seed: int) -> Design:
+    """Return random trials alone, none of which a choice among chains has seen.
+
+    They are drawn with `LookCase.drawn`, by another scramble than those of `design`;
+    arguments and errors are its own.
+    """
+    fresh = replace(case, key=f"{case.key}/random")
+    return replace(design(fresh, count, root_seed), has_corners=False)
+
+
 def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
     """Return one trial of `design` by its number, such as a score's worst."""
     return design(case, index + 1, root_seed)[index]
@@ -171,7 +184,7 @@ def _points(key: str, root: int, first: int, count: int) -> _Points:
 
 def _normal(points: FloatArray) -> FloatArray:
     """Return points of the unit cube in units of sigmas."""
-    found: FloatArray = truncnorm.ppf(points, -CUT, CUT)
+    found: FloatArray = truncnorm.ppf(points, -DRAWN_SIGMAS, DRAWN_SIGMAS)
     return found
 
 
@@ -184,7 +197,7 @@ def _interior(
     root: int,
 ) -> Trial:
     """Return a point of the unit cube, five of it in sigmas, mapped to the spreads."""
-    spread = case.spread
+    spread = case.drawn
     theta = normal[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = (2 * point[2] - 1) * math.pi
@@ -192,6 +205,7 @@ def _interior(
     weak, strong = spread.light_gradient
     return _trial(
         case,
+        spread,
         index,
         root,
         place_um=tuple(normal[:2] * spread.pose_sigma_xy_um),
@@ -217,8 +231,9 @@ def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
         theta = rng.uniform(-math.pi, math.pi)
     direction = rng.uniform(0, 2 * math.pi)
     far = _CORNER * rng.uniform(0.9, 1.0, 2)
-    return _trial(
+    found = _trial(
         case,
+        spread,
         index,
         root,
         place_um=(radius * math.cos(toward), radius * math.sin(toward)),
@@ -234,10 +249,12 @@ def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
             float(sign[15] > 0),
         ),
     )
+    return replace(found, corner=True)
 
 
 def _trial(
     case: LookCase,
+    spread: TrialSpread,
     index: int,
     root: int,
     *,
@@ -251,7 +268,7 @@ def _trial(
     rest: _Rest,
 ) -> Trial:
     """Return the trial with its defocus model and noise seed."""
-    sigma, (low, high) = case.spread.occluder_sigma_um, case.spread.noise
+    sigma, (low, high) = spread.occluder_sigma_um, spread.noise
     # interior and extremes both meet both laws: the parity shifts by one every round
     other = (index + index // _EVERY) % 2 == 1
     return Trial(
@@ -267,9 +284,9 @@ def _trial(
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
         occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
-        lens=_true_lens(case.lens, case.spread.lens, rest.lens),
+        lens=_true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
-        turns_rad=_turns(case, index, root),
+        turns_rad=_turns(case, spread, index, root),
     )
 
 
@@ -315,15 +332,18 @@ def _true_lens(
     )
 
 
-def _turns(case: LookCase, index: int, root: int) -> tuple[float, ...]:
+def _turns(
+    case: LookCase, spread: TrialSpread, index: int, root: int
+) -> tuple[float, ...]:
     """Return by how much what lies at unknown angles is turned, rad."""
-    if not case.spread.turning:
+    if not spread.turning:
         return ()
     rng = generator(root, f"{case.key}/turning {index}")
-    points = rng.random(len(case.spread.turning))
+    points = rng.random(len(spread.turning))
     return tuple(
         (2 * float(at) - 1) * math.pi
         if what.is_any
-        else what.sigma_theta_rad * float(truncnorm.ppf(at, -CUT, CUT))
-        for what, at in zip(case.spread.turning, points, strict=True)
+        else what.sigma_theta_rad
+        * float(truncnorm.ppf(at, -DRAWN_SIGMAS, DRAWN_SIGMAS))
+        for what, at in zip(spread.turning, points, strict=True)
     )

@@ -50,7 +50,10 @@ class UnknownRotation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSpread:
-    """What trials are perturbed by; sigmas are one standard deviation per axis."""
+    """What trials are perturbed by; sigmas are one standard deviation per axis.
+
+    Of a look there are two: what is tried, and what the workcell states.
+    """
 
     focus_sigma_um: float
     magnification_sigma: float  # of the ratio to nominal
@@ -116,7 +119,9 @@ class LookCase:
     treatment: str  # of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
-    spread: TrialSpread
+    spread: TrialSpread  # what is tried: corners, usable ranges, what routines allow
+    # the workcell's own, which sigma and bias are promised for; None: the same
+    stated: TrialSpread | None = None
 
     def __post_init__(self) -> None:
         if not self.tolerance_um > 0:
@@ -125,6 +130,11 @@ class LookCase:
             raise ValueError(
                 f"tolerance_theta_rad must be positive, got {self.tolerance_theta_rad}"
             )
+
+    @property
+    def drawn(self) -> TrialSpread:
+        """Return the spreads that random trials are drawn with."""
+        return self.spread if self.stated is None else self.stated
 
     @property
     def shares_still_layers(self) -> bool:

@@ -11,6 +11,7 @@ from scipy import special
 from microplan.arrays import FloatArray
 
 CONFIDENCE = 0.95  # of all bounds, one-sided
+NORMAL_KURTOSIS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +24,7 @@ class Estimate:
     sigma_lower: float
     sigma_upper: float
     mean_reach: float  # how far the true mean may be off, to either side
+    kurtosis: float  # of the values, as `kurtosis` has it
 
     @property
     def need(self) -> float:
@@ -61,17 +63,28 @@ def estimate(values: FloatArray, confidence: float = CONFIDENCE) -> Estimate | N
     count = len(values)
     if count < 2:
         return None
-    sigma, nu = float(values.std(ddof=1)), freedom(values)
+    sigma, tails = float(values.std(ddof=1)), kurtosis(values)
+    nu = freedom(count, tails)
     return Estimate(
         count=count,
         mean=float(values.mean()),
         sigma=sigma,
         sigma_lower=sigma * math.sqrt(nu / _chi_square(confidence, nu)),
         sigma_upper=sigma * math.sqrt(nu / _chi_square(1 - confidence, nu)),
-        mean_reach=float(special.stdtrit(count - 1, confidence))
-        * sigma
-        / math.sqrt(count),
+        mean_reach=mean_reach(count, sigma, confidence),
+        kurtosis=tails,
     )
+
+
+def half_width(found: Estimate, confidence: float = CONFIDENCE) -> float:
+    """Return half of the interval about a mean that holds the true one, two-sided."""
+    share = (1 + confidence) / 2
+    return mean_reach(found.count, found.sigma, share)
+
+
+def mean_reach(count: int, sigma: float, share: float) -> float:
+    """Return by how much a mean exceeds the true one with probability 1 - `share`."""
+    return float(special.stdtrit(count - 1, share)) * sigma / math.sqrt(count)
 
 
 def _chi_square(share: float, freedom: float) -> float:
@@ -83,7 +96,26 @@ def _chi_square(share: float, freedom: float) -> float:
     return float(2 * special.gammaincinv(freedom / 2, share))
 
 
-def freedom(values: FloatArray) -> float:
+def kurtosis(values: FloatArray) -> float:
+    """Return the fourth moment over the squared variance, 3 of normal values.
+
+    3, too, of fewer than five values or of equal ones, which tell nothing of it.
+
+    References
+    ----------
+    Bonett (2006), Computational Statistics & Data Analysis 50: about a trimmed mean,
+    because the plain one is too low in small samples of long tails.
+    """
+    n = len(values)
+    about = values - values.mean()
+    square = float((about**2).sum())
+    if square == 0 or n < 5:
+        return NORMAL_KURTOSIS
+    middle = _trimmed_mean(values, min(0.5 / math.sqrt(n - 4), 0.49))
+    return n * float(((values - middle) ** 4).sum()) / square**2
+
+
+def freedom(count: int, kurtosis: float) -> float:
     """Return the degrees of freedom of a sample variance, given the sample's tails.
 
     N - 1 for normal values and for shorter tails, fewer for longer ones, at least 1.
@@ -91,19 +123,14 @@ def freedom(values: FloatArray) -> float:
     References
     ----------
     O'Neill (2014), Some useful moment results in sampling problems, The American
-    Statistician 68: 2 N / (kurtosis - (N - 3) / (N - 1)). The kurtosis is that of
-    Bonett (2006), Computational Statistics & Data Analysis 50, about a trimmed mean,
-    because the plain one is too low in small samples of long tails.
+    Statistician 68: 2 N / (kurtosis - (N - 3) / (N - 1)), which for many values is
+    2 N / (kurtosis - 1).
     """
-    n = len(values)
-    about = values - values.mean()
-    square = float((about**2).sum())
-    if square == 0 or n < 5:
-        return float(max(n - 1, 1))
-    middle = _trimmed_mean(values, min(0.5 / math.sqrt(n - 4), 0.49))
-    kurtosis = n * float(((values - middle) ** 4).sum()) / square**2
-    excess = max(kurtosis - (n - 3) / (n - 1), 2 * n / (n - 1))  # 2 n / (n - 1): normal
-    return max(1.0, 2 * n / excess)
+    if count < 5:
+        return float(max(count - 1, 1))
+    normal = 2 * count / (count - 1)
+    excess = max(kurtosis - (count - 3) / (count - 1), normal)
+    return max(1.0, 2 * count / excess)
 
 
 def _trimmed_mean(values: FloatArray, share: float) -> float:

@@ -99,6 +99,7 @@ class Outcome:
     depth_um: float | None = None  # how far out of focus the chain says it is
     z_um: float | None = None  # error of that; one image does not determine the sign
     zoom: float | None = None  # error of the ratio to nominal
+    corner: bool = False  # of a corner of what is tried: in no sigma, in no bias
 
     @property
     def distance_um(self) -> float:
@@ -107,13 +108,15 @@ class Outcome:
 
 
 # A row: numbers of the chain and of the failure's code or -1, the trial, which of the
-# fields below are given (a bit each), and these, 0 where they are not.
+# fields below are given and whether it is a corner (a bit each), and the fields, 0
+# where they are not.
 _PAIRS = ("world_um", "target_um")
 _SINGLES = (
     "theta_rad", "score", "spread_um", "spread_theta_rad", "axis_rad", "depth_um",
     "z_um", "zoom",
 )  # fmt: skip
 _FIELDS = (*_PAIRS, *_SINGLES)
+_CORNER = 1 << len(_FIELDS)
 _COLUMNS = 4 + 2 * len(_PAIRS) + len(_SINGLES)
 
 
@@ -197,6 +200,7 @@ class Outcomes(Sequence[Outcome]):
             chain=self.chains[chain],
             trial=trial,
             failure=None if code < 0 else self.codes[code],
+            corner=bool(given & _CORNER),
             **fields,  # type: ignore[arg-type]  # mypy knows no names of fields
         )
 
@@ -266,7 +270,7 @@ class Book:
         code = outcome.failure
         yield -1 if code is None else self.codes.setdefault(code, len(self.codes))
         yield outcome.trial
-        yield sum(
+        yield (_CORNER if outcome.corner else 0) + sum(
             1 << k for k, n in enumerate(_FIELDS) if getattr(outcome, n) is not None
         )
         for name in _PAIRS:

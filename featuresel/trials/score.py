@@ -30,8 +30,10 @@ _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainScore:
-    """What the trials said of one chain; statistics are over its successes.
+    """What the trials said of one chain.
 
+    Counts are of all trials, means and standard deviations of the random ones that were
+    successes: what is drawn as the workcell states it. Corners are in none of them.
     Axes are those of the target's frame. Where the position is known in one direction
     only, `x` and `y` are None, `along` has that direction, and so do the bias, its
     length along it, and sigma.
@@ -48,7 +50,7 @@ class ChainScore:
     bias_um: tuple[float, float] | None  # mean error in the target's frame
     sigma_um: float | None  # about the bias, the larger axis
     worst_um: float | None  # length of the largest error, wrong answers included
-    angles: int  # successes that gave an angle
+    angles: int  # successes that gave an angle, of all trials
     bias_theta_rad: float | None
     sigma_theta_rad: float | None
     cost: float  # of one fix, in 640 x 480 box filters
@@ -196,8 +198,9 @@ def score_chain(
     )
     silent = len(far) - len(right)
     good = {o.trial for o in right}
-    parts = PlaceErrors.of(right, 1 - (1 - confidence) / _TOGETHER)
-    theta = estimate(_turns(right), confidence)
+    drawn = right.only(lambda o: not o.corner)
+    parts = PlaceErrors.of(drawn, 1 - (1 - confidence) / _TOGETHER)
+    theta = estimate(_turns(drawn), confidence)
     return ChainScore(
         chain=chain,
         trials=len(outcomes),
@@ -217,12 +220,12 @@ def score_chain(
         y=parts.y,
         along=parts.along,
         theta=theta,
-        z=estimate(given([o.z_um for o in right]), confidence),
-        zoom=estimate(given([o.zoom for o in right]), confidence),
+        z=estimate(given([o.z_um for o in drawn]), confidence),
+        zoom=estimate(given([o.zoom for o in drawn]), confidence),
         axis_rad=parts.axis_rad,
         spread_x=parts.spread_x,
         spread_y=parts.spread_y,
-        spread_theta=_theta_spread(right),
+        spread_theta=_theta_spread(drawn),
         worst_trial=far[-1][1] if far else None,
         median_trial=far[(len(far) - 1) // 2][1] if far else None,
         first_failing=min(

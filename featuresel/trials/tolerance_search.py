@@ -36,6 +36,7 @@ DARKER = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.97, 0.98)
 BRIGHTER = (0.1, 0.2, 0.3, 0.4, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 GRADIENT = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 POSE_UM = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0)
+FEW = 3  # draws by which the last drift is guessed before all are made
 STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
 GOLDEN_RAD = math.pi * (3 - math.sqrt(5))  # turns that never repeat
 
@@ -107,28 +108,36 @@ class ToleranceSearch:
         The target lies at as many random places of its pose spread as there are
         draws, the same at all drifts. A drift is tolerated where every draw passes and
         all of them together hold; after one that does not pass no other is made. Which
-        drifts are tried says `last_held`.
+        drifts are tried says `last_held`. Where each draw is judged by itself, the
+        first few show how far to go, and all are made there; where one fails, nearer.
         """
         shown: dict[int, BytesArray] = {}
         drifts = direction.drifts
         trials = {drift: self._trials(direction, drift) for drift in drifts}
-        pictures = self._pictures(direction, trials[drifts[-1]])
+        pictures = self._pictures(direction, trials[drifts[-1]][0])
+        known: dict[int, list[Outcome]] = {step: [] for step in range(len(drifts))}
 
-        def held(step: int) -> bool:
-            tried, found = trials[drifts[step]], []
-            for trial, picture in zip(tried, pictures(tried), strict=True):
+        def held(step: int, draws: int = self.draws) -> bool:
+            found = known[step]
+            left = trials[drifts[step]][len(found) : draws]
+            for trial, picture in zip(left, pictures(left), strict=True):
                 shown.setdefault(step, _eight_bit(picture))
                 found.append(self._outcome(trial, picture))
                 if not passes(found[-1]):
                     return False
             return holds is None or holds(drifts[step], found)
 
-        last = last_held(len(drifts), held)
+        if holds is None and self.draws > FEW:
+            last = last_held(len(drifts), partial(held, draws=FEW))
+            if last >= 0 and not held(last):
+                last = last_held(last, held)
+        else:
+            last = last_held(len(drifts), held)
         return Reached(
             drift=drifts[last] if last >= 0 else 0.0, picture=shown.get(last)
         )
 
-    def _pictures(self, direction: Direction, farthest: Sequence[Trial]) -> Pictures:
+    def _pictures(self, direction: Direction, farthest: Trial) -> Pictures:
         """Return what makes the images of one direction."""
         if direction.setting == "focus" and self.case.shares_spectra:
             return through_focus(self.case, farthest)
@@ -188,6 +197,8 @@ def last_held(count: int, holds: Callable[[int], bool]) -> int:
         over, fewer may be where steps beyond hold again.
     """
     good, bad = -1, count
+    if count < 1:
+        return good
     for step in (*range(STRIDE - 1, count - 1, STRIDE), count - 1):
         if not holds(step):
             bad = step

@@ -263,7 +263,9 @@ def outcome_of(
 ) -> Outcome:
     """Return the errors of a position in the world's and the target's axes."""
     if isinstance(place, Failure):
-        return Outcome(chain=chain, trial=trial.index, failure=place.code)
+        return Outcome(
+            chain=chain, trial=trial.index, failure=place.code, corner=trial.corner
+        )
     off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
     ex, ey = along(off, place.axis_rad)
     theta = case.theta_rad + trial.dtheta_rad
@@ -278,6 +280,7 @@ def outcome_of(
         target_um=(c * ex + s * ey, -s * ex + c * ey),
         theta_rad=turned,
         axis_rad=None if axis is None else math.remainder(axis - theta, 2 * math.pi),
+        corner=trial.corner,
     )
 
 

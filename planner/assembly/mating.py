@@ -1,8 +1,9 @@
 """Mating of a hole with a shaft: class of fit, capture radius, tilt, wedging.
 
 Pure geometry over the tolerances; how likely the parts find each other is for
-`planner.budget`. Edges are off by at most the profile tolerance, walls lean by at most
-the taper: in which direction is not known, so each takes from the clearance.
+`planner.budget`. Whole circles have closed forms, other outlines slices. Edges are off
+by at most the profile tolerance, walls lean by at most the taper: in which direction is
+not known, so each takes from the clearance.
 """
 
 from __future__ import annotations
@@ -13,10 +14,18 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from microplan.planner.assembly.assembly import State, owner_of, part_z_um
+from microplan.planner.assembly.assembly import State, locate_place, owner_of, part_z_um
+from microplan.planner.assembly.fits.mates import mates_of, shape_of
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole
+from microplan.planner.assembly.fits.room import (
+    capture_um,
+    clearance_um,
+    free_angles_rad,
+    overlap_of,
+)
 from microplan.planner.assembly.shapes import hull
 from microplan.planner.task.task import PartFeature, Post, Task, TaskStep
-from microplan.schemas.plan.verdicts import FitClass, FitVerdict
+from microplan.schemas.plan.verdicts import FitClass, FitVerdict, OutlineFitVerdict
 
 # A corner of a hull within this of a jaw touches it: fabricated edges vary by more.
 TOUCH_UM = 0.05
@@ -56,7 +65,7 @@ SAME_UM = 1e-9  # sizes closer than this are equal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mating:
-    """A round hole over a round shaft; widths are diameters as drawn."""
+    """A hole over a shaft; widths are diameters of circles on or around them."""
 
     hole_um: float
     shaft_um: float
@@ -64,16 +73,42 @@ class Mating:
     taper_um: float  # what leaning walls may take of the clearance
     engaged_um: float  # length along which hole and shaft overlap at the end
     friction: float
+    shape: PegInHole | None = None  # None: both are whole circles
 
     @property
     def clearance_um(self) -> tuple[float, float, float]:
-        """Return the least, drawn and greatest difference of the diameters."""
+        """Return the least, drawn and greatest difference of the diameters.
+
+        Of other outlines than circles: by how much the shaft could be wider all round.
+        """
         drawn = self.hole_um - self.shaft_um
+        if self.shape is not None:
+            least, drawn, most = (
+                clearance_um(self.shape, wider) for wider in self.wider_um
+            )
+            return least, drawn, most
         return (
             drawn - self.tolerance_um - self.taper_um,
             drawn,
             drawn + self.tolerance_um,
         )
+
+    @property
+    def capture_um(self) -> tuple[float, float, float]:
+        """Return the sideways error that still goes in: least, drawn, greatest."""
+        if self.shape is not None:
+            least, drawn, most = (
+                capture_um(self.shape, wider) for wider in self.wider_um
+            )
+        else:
+            least, drawn, most = (max(c, 0) / 2 for c in self.clearance_um)
+        return least, drawn, most
+
+    @property
+    def wider_um(self) -> tuple[float, float, float]:
+        """Return how much farther out the hole's edge is than drawn: least to most."""
+        half = self.tolerance_um / 2
+        return (-half - self.taper_um / 2, 0.0, half)
 
     @property
     def fit_class(self) -> FitClass:
@@ -132,13 +167,21 @@ class Mating:
 
 
 def mating_of(task: Task, step: TaskStep, after: State) -> Mating | None:
-    """Return how the parts of an insertion mate, None if they are not round."""
+    """Return how the parts of an insertion mate, None if hole or post is unclear."""
     feature, post = hole_and_shaft(task, step)
-    if feature is None or feature.kind != "circle" or post is None:
+    if feature is None or post is None:
+        return None
+    mates = mates_of(task.parts[owner_of(step.target or "")], feature, post)
+    if not mates.are_clear:
         return None
     hole_part, shaft_part = owner_of(step.target or ""), owner_of(step.onto or "")
     engaged_um = _engaged_um(task, after, hole_part, shaft_part, post)
     lean = sum(task.parts[n].taper_um_per_100um for n in (hole_part, shaft_part))
+    angles = (
+        locate_place(task, after, name).pose.theta_rad
+        for name in (shaft_part, hole_part)
+    )
+    angle_rad = math.remainder(next(angles) - next(angles), math.tau)
     edges_um = task.parts[hole_part].profile_tolerance_um + post.profile_tolerance_um
     return Mating(
         hole_um=2 * feature.radius_um,
@@ -147,6 +190,7 @@ def mating_of(task: Task, step: TaskStep, after: State) -> Mating | None:
         taper_um=2 * lean * engaged_um / PER_TAPER_UM,
         engaged_um=engaged_um,
         friction=task.environment.friction,
+        shape=None if mates.are_round else shape_of(mates, feature, post, angle_rad),
     )
 
 
@@ -181,7 +225,7 @@ def fit_verdict(mating: Mating, tilt_sigma_rad: float) -> FitVerdict:
         shaft_um=mating.shaft_um,
         fit=mating.fit_class,
         clearance_um=(least, drawn, most),
-        capture_um=(max(least, 0) / 2, max(drawn, 0) / 2, max(most, 0) / 2),
+        capture_um=mating.capture_um,
         taper_um=mating.taper_um,
         engaged_um=mating.engaged_um,
         tilt_limit_rad=mating.tilt_limit_rad(least),
@@ -190,6 +234,23 @@ def fit_verdict(mating: Mating, tilt_sigma_rad: float) -> FitVerdict:
         wedging_rad=mating.wedging_rad(least),
         wedging_depth_um=mating.wedging_depth_um,
         may_wedge=mating.may_wedge(least, tilt),
+        outline=None if mating.shape is None else _outline_verdict(mating),
+    )
+
+
+def _outline_verdict(mating: Mating) -> OutlineFitVerdict:
+    """Return what the plan says of a fit of other outlines than circles."""
+    if mating.shape is None:
+        raise ValueError("a round fit has no outlines")
+    least, drawn, most = (
+        free_angles_rad(mating.shape, wider) for wider in mating.wider_um
+    )
+    overlap = overlap_of(mating.shape)
+    return OutlineFitVerdict(
+        angle_rad=mating.shape.angle_rad,
+        turns_freely=mating.shape.turns_freely,
+        theta_rad=(least, drawn, most),
+        overlap_um=0.0 if overlap is None else overlap.depth_um,
     )
 
 
@@ -202,6 +263,9 @@ def fit_words(step: str, found: FitVerdict) -> str:
         f"{drawn:.3g} um; the hole finds any shaft up to {found.capture_um[0]:.3g} um "
         "off (the least capture radius)"
     )
+    if found.outline is not None and not found.outline.turns_freely:
+        back, forth = (1e3 * angle for angle in found.outline.theta_rad[0])
+        words += f" and turned by {back:.3g}..{forth:.3g} mrad"
     if found.tilt_limit_rad is None:
         return words + "; nothing is engaged once the moves are done"
     words += f" that leans up to {1e3 * found.tilt_limit_rad:.3g} mrad where it is "

@@ -15,7 +15,7 @@ from microplan.planner.assembly.assembly import (
 )
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.insert_budget import LateralResidual
+from microplan.planner.budget.insertion import LateralResidual
 from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import gain_of, moved_by

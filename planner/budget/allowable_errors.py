@@ -157,7 +157,7 @@ def _of_look(
     context: CompileContext,
 ) -> Iterator[Allowed]:
     """Yield a row for each setting of one look."""
-    draws = max(context.effort.range_draws, LEAST_DRAWS)
+    draws = max(context.effort.drift_draws, LEAST_DRAWS)
     found = [
         _drifts(task, job, goal, term, each, context, draws) for each in look.found
     ]
@@ -197,7 +197,7 @@ def _drifts(
         job=job,
         goal=goal,
         term=term,
-        bias_um=found.chosen.bias_um or (0.0, 0.0),
+        bias_um=found.promised.bias_um or (0.0, 0.0),
         lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
     )
     asked = [(d, tolerance(setting=d.setting)) for d in DIRECTIONS]

@@ -11,9 +11,10 @@ from microplan.planner.assembly.holding import between_jaws
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.probability.fit_probability import RoundFit
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
-from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan import Budget, BudgetRow, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
@@ -39,6 +40,8 @@ class PastMeasurement:
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without the magnification error; None: the same
     sigma_without_scale_um: float | None = None
+    moved_um: float = 0.0  # what moves since add to both sigmas; stated, not measured
+    repeatability: Repeatability | None = None  # what it is known by; None: unknown
 
     @property
     def term(self) -> str:
@@ -46,18 +49,27 @@ class PastMeasurement:
         return f"measurement of {self.name}"
 
 
-def fit_of(task: Task, insert: StepState) -> RoundFit | None:
-    """Return the round fit of an insertion, None if hole or shaft is not round."""
+def fit_of(task: Task, insert: StepState) -> RoundFit | OutlineFit | None:
+    """Return the fit of an insertion, None if hole or post is unclear."""
     mating = mating_of(task, insert.step, insert.after)
     if mating is None:
         return None
     hole, _, _ = (insert.step.target or "").partition(".")
     part, _, shaft = (insert.step.onto or "").partition(".")
+    in_hole = task.parts[hole].profile_tolerance_um
+    on_shaft = task.parts[part].posts[shaft].profile_tolerance_um
+    if mating.shape is not None:
+        return OutlineFit(
+            shape=mating.shape,
+            hole_tolerance_um=in_hole,
+            shaft_tolerance_um=on_shaft,
+            taper_um=mating.taper_um / 2,
+        )
     return RoundFit(
         hole_um=mating.hole_um / 2,
         shaft_um=mating.shaft_um / 2,
-        hole_tolerance_um=task.parts[hole].profile_tolerance_um,
-        shaft_tolerance_um=task.parts[part].posts[shaft].profile_tolerance_um,
+        hole_tolerance_um=in_hole,
+        shaft_tolerance_um=on_shaft,
         taper_um=mating.taper_um / 2,
     )
 
@@ -126,8 +138,10 @@ def looking_rows(
         ),
         _row(
             "partial coherence",
-            math.hypot(hole.coherence_um, shaft.coherence_um),
-            "workcell coherence: edges move, middles of symmetry stay",
+            0.0,
+            "workcell coherence: a bias of at most "
+            f"{hole.coherence_um + shaft.coherence_um:.3g} um, in the lower bound of "
+            "P(success); middles of symmetry stay",
         ),
         _row(
             "parcentric jump of the zoom",

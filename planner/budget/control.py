@@ -15,6 +15,7 @@ from microplan.planner.budget.probability.fit_probability import (
     combine,
     servo_tolerance_um,
 )
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import GAIN_LIMIT, gain_of, moved_by
 from microplan.planner.views.requests import insertion_after
@@ -147,6 +148,8 @@ def _from_fit(
     fit = fit_of(task, here)
     if fit is None or fit.capture_um <= 0:
         return None
+    if isinstance(fit, OutlineFit):
+        fit = fit.inscribed
     rows = blind_rows(task.workcell, travel_of(here), seen, seen, insert_s(task, here))
     return servo_tolerance_um(
         fit,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from microplan.planner.assembly.assembly import (
     Carrier,
@@ -17,8 +17,10 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.drift_since_look import drift_rows
-from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.insert_angle import insert_angle, insert_lever_um
+from microplan.planner.budget.insertion import Insertion, LateralResidual
 from microplan.planner.budget.offenders import (
+    ANGLE_TERM,
     WIDEN_HOLE,
     Sizes,
     changes,
@@ -27,7 +29,7 @@ from microplan.planner.budget.offenders import (
     yield_over_shaft,
     yield_over_tolerance,
 )
-from microplan.planner.budget.probability.fit_probability import Residual
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
@@ -43,7 +45,7 @@ def insertion_of(
 ) -> Insertion | None:
     """Return the insertion that starts from the lateral residual `left`.
 
-    `seen` are the last looks by owner. None if hole or shaft is not round.
+    `seen` are the last looks by owner. None if hole or post is unclear.
     """
     fit = fit_of(task, insert)
     if fit is None:
@@ -58,13 +60,24 @@ def insertion_of(
     offset_um, offset_rad = apart(
         task, insert.after, insert.step.target or "", insert.step.onto or ""
     )
-    return Insertion(
+    job = Insertion(
         fit=fit,
         residual=left.residual,
         early=left.early,
         blind=blind,
         offset_um=offset_um,
         offset_rad=offset_rad,
+    )
+    if not isinstance(fit, OutlineFit):
+        return job
+    target = locate_place(task, insert.after, insert.step.target or "")
+    job = replace(job, hole_rad=target.pose.theta_rad)
+    if fit.shape.turns_freely:
+        return job
+    return replace(
+        job,
+        angle=insert_angle(task, states, insert, left.residual, seen),
+        lever_um=insert_lever_um(task, states, insert),
     )
 
 
@@ -102,16 +115,6 @@ SIZE_TERM = "size of hole and shaft"
 OFFSET_TERM = "offset that the moves leave"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LateralResidual:
-    """Lateral residual before an insertion, with its name in the budget."""
-
-    residual: Residual
-    term: str
-    source: str
-    early: tuple[float, Residual] | None = None  # as `Insertion.early`
-
-
 def insert_budget(
     job: Insertion,
     left: LateralResidual,
@@ -145,10 +148,22 @@ def insert_budget(
 def common_rows(job: Insertion, left: LateralResidual) -> tuple[BudgetRow, ...]:
     """Return the rows of an insertion or a placement: residual, the rest, offset."""
     offset_um, source = job.offset_um, "the task's moves"
-    return (
+    rows = (
         BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
         *job.blind,
         BudgetRow(term=OFFSET_TERM, sigma_um=offset_um, source=source),
+    )
+    if job.angle is None:
+        return rows
+    reach_um = job.angle_um / job.angle.sigma_rad if job.angle.sigma_rad > 0 else 0.0
+    said = ", ".join(
+        f"{row.term} {1e3 * row.sigma_rad:.3g} mrad ({row.source})"
+        for row in job.angle.rows
+    )
+    source = f"{1e3 * job.angle.sigma_rad:.3g} mrad x {reach_um:.4g} um: {said}"
+    return (
+        *rows,
+        BudgetRow(term=ANGLE_TERM, sigma_um=job.angle_um, source=source),
     )
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.planner.assembly.fits.peg_in_hole import slices_of
+from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.ellipse_probability import (
     PlaneNormal,
     beyond_radii,
@@ -17,11 +19,14 @@ from microplan.planner.budget.probability.fit_probability import (
     RoundFit,
     miss_probability,
 )
+from microplan.planner.budget.probability.outline_fit import OutlineFit, PoseError
+from microplan.planner.budget.probability.outline_probability import Seating, seating
+from microplan.planner.budget.probability.polygon_mass import PlaneError
 from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
 from microplan.planner.budget.probability.servo_landing import BODY_SIGMAS, STEP_SIGMAS
 from microplan.schemas.plan import BudgetRow
 
-SERVO, OFFSET, SIZE, ALL = "servo", "offset", "size", "all"
+SERVO, OFFSET, SIZE, ANGLE, ALL = "servo", "offset", "size", "angle", "all"
 # Axes of a covariance closer than this are one: it moves probabilities by less than
 # 1e-9.
 ROUND = 1e-9
@@ -32,19 +37,35 @@ PIECE_NODES = 6
 # How closely the mean over the wide axis is found; probabilities are quoted to 4
 # digits.
 CLOSE = 1e-5
+NO_ANGLE = AngleError(left_rad=0.0, cut_rad=math.inf, rows=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LateralResidual:
+    """Lateral residual before an insertion, with its name in the budget."""
+
+    residual: Residual
+    term: str
+    source: str
+    early: tuple[float, Residual] | None = None  # as `Insertion.early`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Insertion:
     """A fit with all lateral errors of the two parts."""
 
-    fit: RoundFit
+    fit: RoundFit | OutlineFit
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
     offset_um: float = 0.0  # that is not corrected
     offset_rad: float = 0.0  # its direction in the world, as `along_rad` of the rows
     # share of alignments that end at their first look, and what those leave
     early: tuple[float, Residual] | None = None
+    # of other outlines than circles: the error of the shaft's angle, that of the hole
+    # in the world, and what an error of the angle moves the shaft by, um per rad
+    angle: AngleError | None = None
+    hole_rad: float = 0.0
+    lever_um: tuple[float, float] = (0.0, 0.0)
 
     @property
     def left_um(self) -> float:
@@ -58,6 +79,13 @@ class Insertion:
             radii, weights = residual.radii()
             square += share * float(weights @ radii**2) / 2
         return math.sqrt(square)
+
+    @property
+    def round_fit(self) -> RoundFit:
+        """Return the fit of two circles; another one is the caller's mistake."""
+        if isinstance(self.fit, OutlineFit):
+            raise TypeError("the outlines of this fit are not both circles")
+        return self.fit
 
     @property
     def rest(self) -> PlaneNormal:
@@ -81,10 +109,13 @@ class Insertion:
             later = replace(self, early=None)
             early = replace(later, residual=residual)
             return share * early.miss + (1 - share) * later.miss
-        rest, room = self.rest, self.fit.room
+        if isinstance(self.fit, OutlineFit):
+            return self.seating.miss
+        rest, fit = self.rest, self.round_fit
+        room = fit.room
         narrow, wide, angle = rest.principal
         if not self._leans:
-            return miss_probability(self.fit, self.residual, wide, abs(self.offset_um))
+            return miss_probability(fit, self.residual, wide, abs(self.offset_um))
         if math.isinf(self.residual.within_um) or self.residual.sigma_um <= 0:
             left = PlaneNormal.along(self.residual.sigma_um, None)
             return beyond_radii(
@@ -92,6 +123,51 @@ class Insertion:
             )
         extra = math.sqrt((wide - narrow) * (wide + narrow))
         return self._averaged(narrow, extra, angle - self.offset_rad)
+
+    @property
+    def angle_um(self) -> float:
+        """Return what one sigma of the angle moves the shaft's farthest point by."""
+        if self.angle is None or not isinstance(self.fit, OutlineFit):
+            return 0.0
+        return self.angle.sigma_rad * slices_of(self.fit.shape).reach_um
+
+    @property
+    def seating(self) -> Seating:
+        """Return what comes of an insertion of other outlines than circles."""
+        if not isinstance(self.fit, OutlineFit):
+            raise TypeError("a round fit has no outlines")
+        shares = [(1.0, self.residual)]
+        if self.early is not None:
+            share, residual = self.early
+            shares = [(1 - share, self.residual), (share, residual)]
+        found = [(w, seating(self.fit, self._pose_error(left))) for w, left in shares]
+        return Seating(
+            seated=sum(w * each.seated for w, each in found),
+            elsewhere=sum(w * each.elsewhere for w, each in found),
+            miss=sum(w * (each.miss + each.elsewhere) for w, each in found),
+        )
+
+    def _pose_error(self, left: Residual) -> PoseError:
+        """Return the error of the shaft's pose in the frame of the hole as planned.
+
+        The rows are of the hole's place about the shaft's: the other way round.
+        """
+        c, s = -math.cos(self.hole_rad), math.sin(self.hole_rad)
+        rest, lever = self.rest, self.lever_um
+        to_hole = np.array([[c, -s], [s, c]])
+        cov = np.array([[rest.xx_um2, rest.xy_um2], [rest.xy_um2, rest.yy_um2]])
+        (xx, xy), (_, yy) = (to_hole @ cov @ to_hole.T).tolist()
+        middle = (to_hole @ np.array(rest.middle_um)).tolist()
+        arm = (to_hole @ np.array(lever)).tolist()
+        plane = PlaneNormal(
+            middle_um=(middle[0], middle[1]),
+            xx_um2=max(xx, 0.0), xy_um2=xy, yy_um2=max(yy, 0.0),
+        )  # fmt: skip
+        return PoseError(
+            plane=PlaneError(residual=left, rest=plane),
+            angle=self.angle or NO_ANGLE,
+            lever_um=(arm[0], arm[1]),
+        )
 
     @property
     def sizes_um(self) -> dict[str, float]:
@@ -144,11 +220,12 @@ class Insertion:
     ) -> float:
         """Return the weighted probability over shifts, (N,) each."""
         x = self.offset_um + shifts_um * math.cos(angle_rad)
+        fit = self.round_fit
         off_um = np.hypot(x, shifts_um * math.sin(angle_rad))
         chances: dict[float, float] = {}  # most come twice, on either side
         for off in off_um.tolist():
             if off not in chances:
-                chances[off] = miss_probability(self.fit, self.residual, narrow_um, off)
+                chances[off] = miss_probability(fit, self.residual, narrow_um, off)
         return float(weights @ np.array([chances[off] for off in off_um.tolist()]))
 
     def _pieces(
@@ -158,7 +235,7 @@ class Insertion:
 
         It does where the disc that the servo leaves begins or ends to touch a circle.
         """
-        room, within = self.fit.room, self.residual.within_um
+        room, within = self.round_fit.room, self.residual.within_um
         sizes = room.radius_um + np.array([-1.0, 0.0, 1.0]) * room.reach_um
         touch = np.abs(np.concatenate([sizes - within, sizes, sizes + within]))
         middle = -self.offset_um * math.cos(angle_rad)
@@ -179,8 +256,11 @@ class Insertion:
         finer stage is also asked to stop closer, in its own sigmas.
         """
         if term == ALL:
-            keys = (SERVO, OFFSET, SIZE, *dict.fromkeys(row.term for row in self.blind))
+            rows = dict.fromkeys(row.term for row in self.blind)
             found = self
+            keys = (SERVO, OFFSET, SIZE, *rows)
+            if self.angle is not None:
+                keys = (*keys, ANGLE)
             for key in keys:
                 found = found.scaled(key, factor)
             return found
@@ -193,6 +273,8 @@ class Insertion:
             return replace(self, offset_um=self.offset_um * factor)
         if term == SIZE:
             return replace(self, fit=_resized(self.fit, factor))
+        if term == ANGLE and self.angle is not None:
+            return replace(self, angle=_finer(self.angle, factor))
         known = {row.term: row.sigma_um for row in self.blind}[term]
         return self if known is None else self.resized(term, factor * known)
 
@@ -206,6 +288,8 @@ class Insertion:
 
     def widened(self, wider_um: float) -> Insertion:
         """Return the same insertion with more clearance on the diameter."""
+        if isinstance(self.fit, OutlineFit):
+            return replace(self, fit=self.fit.widened(wider_um / 2))
         fit = replace(self.fit, hole_um=self.fit.hole_um + wider_um / 2)
         return replace(self, fit=fit)
 
@@ -218,8 +302,17 @@ def _scaled(residual: Residual, factor: float) -> Residual:
     return Residual(sigma_um=residual.sigma_um * factor, within_um=within_um)
 
 
-def _resized(fit: RoundFit, factor: float) -> RoundFit:
+def _finer(angle: AngleError, factor: float) -> AngleError:
+    """Return an angle's error, all of it scaled."""
+    rows = tuple(replace(r, sigma_rad=r.sigma_rad * factor) for r in angle.rows)
+    cut = angle.cut_rad if math.isinf(angle.cut_rad) else angle.cut_rad * factor
+    return AngleError(left_rad=angle.left_rad * factor, cut_rad=cut, rows=rows)
+
+
+def _resized(fit: RoundFit | OutlineFit, factor: float) -> RoundFit | OutlineFit:
     """Return a fit with other tolerances."""
+    if isinstance(fit, OutlineFit):
+        return fit.scaled(factor)
     return replace(
         fit,
         hole_tolerance_um=fit.hole_tolerance_um * factor,

@@ -51,6 +51,8 @@ def remember(
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
+        moved_um=moved_um,
+        repeatability=look.look.repeatability,
     )
     owner = owner_of(look.look.target)
     angle = {} if seen.sigma_theta_rad is None else {owner: seen}

@@ -10,7 +10,15 @@ import numpy as np
 from scipy import optimize
 
 from microplan.optics.outline.tolerant_order import ordered
-from microplan.planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
+from microplan.planner.budget.insertion import (
+    ALL,
+    ANGLE,
+    OFFSET,
+    SERVO,
+    SIZE,
+    Insertion,
+)
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
 
 # Slopes are central differences over this share of a term: probabilities are right to
@@ -29,6 +37,7 @@ LEAST_CHANCE = 1e-300
 SHAFT_SHARES = (0.0, 1.5)  # of the clearance, taken off the hole's diameter
 TOLERANCE_SHARES = (0.0, 3.0)  # of the tolerance stated
 
+ANGLE_TERM = "angle between hole and shaft"
 WIDEN_HOLE = "widen the hole by {wider:.3g} um"
 Sizes = Sequence[tuple[str, str, float]]  # name in the budget, key of `scaled`, um
 
@@ -103,10 +112,30 @@ def changes(
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:
     """Return the yield curve over the shaft's diameter, um."""
-    hole = 2 * job.fit.hole_um
-    clearance = hole - 2 * job.fit.shaft_um
+    if isinstance(job.fit, OutlineFit):
+        return _yield_over_room(job)
+    fit, hole = job.fit, 2 * job.fit.hole_um
+    clearance = hole - 2 * fit.shaft_um
     shafts = [hole - clearance * share for share in _shares(SHAFT_SHARES)][::-1]
-    jobs = [replace(job, fit=replace(job.fit, shaft_um=d / 2)) for d in shafts]
+    jobs = [replace(job, fit=replace(fit, shaft_um=d / 2)) for d in shafts]
+    return yield_curve("diameter of the shaft", shafts, jobs)
+
+
+def _yield_over_room(job: Insertion) -> YieldCurve:
+    """Return the yield curve over an offset of the shaft's edge, um.
+
+    Of a round shaft over its diameter.
+    """
+    fit = job.fit
+    if not isinstance(fit, OutlineFit):
+        raise TypeError("a round fit has diameters")
+    room = fit.capture_um + fit.taper_um
+    taken = [room * (1 - share) for share in _shares(SHAFT_SHARES)][::-1]
+    jobs = [job.widened(-2 * more) for more in taken]
+    radius = fit.shape.peg_radius_um
+    if radius is None:
+        return yield_curve("edge of the shaft, beyond the drawing", taken, jobs)
+    shafts = [2 * (radius + more) for more in taken]
     return yield_curve("diameter of the shaft", shafts, jobs)
 
 
@@ -139,7 +168,9 @@ def yield_curve(
 def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
     """Return all terms of an insertion under their names in the budget."""
     tolerance = math.hypot(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
+    angle = [(ANGLE_TERM, ANGLE, job.angle_um)] if job.angle is not None else []
     return [
+        *angle,
         (servo, SERVO, job.left_um),
         *((row.term, row.term, row.sigma_um or 0.0) for row in job.blind),
         (offset, OFFSET, abs(job.offset_um)),

@@ -17,8 +17,8 @@ from microplan.planner.budget.alignment_residual import (
 from microplan.planner.budget.allowable_errors import with_allowable_errors
 from microplan.planner.budget.budget import PastMeasurement, blind_rows
 from microplan.planner.budget.drift_since_look import drift_rows
-from microplan.planner.budget.insert_budget import LateralResidual, apart, share_of_goal
-from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.insert_budget import apart, share_of_goal
+from microplan.planner.budget.insertion import Insertion, LateralResidual
 from microplan.planner.budget.measurement_history import (
     MeasurementHistory,
     method_taken,

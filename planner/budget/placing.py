@@ -9,11 +9,10 @@ import numpy as np
 
 from microplan.planner.budget.insert_budget import (
     OFFSET_TERM,
-    LateralResidual,
     analysed_budget,
     common_rows,
 )
-from microplan.planner.budget.insertion import SIZE, Insertion
+from microplan.planner.budget.insertion import SIZE, Insertion, LateralResidual
 from microplan.planner.budget.offenders import YIELD_POINTS, sizes_of, yield_curve
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import RoundFit
@@ -150,7 +149,7 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
 def _yield_over(job: Insertion) -> YieldCurve:
     """Return the yield curve over the tolerance."""
     shares = np.linspace(*YIELD_SHARES, YIELD_POINTS)
-    radii = [job.fit.hole_um * float(share) for share in shares]
+    radii = [job.round_fit.hole_um * float(share) for share in shares]
     return yield_curve("within_um", radii, (replace(job, fit=within(r)) for r in radii))
 
 
@@ -160,10 +159,10 @@ def _quantile_um(job: Insertion, share: float) -> float:
     def inside(radius_um: float) -> float:
         return 1 - replace(job, fit=within(radius_um)).miss
 
-    low, high = 0.0, job.fit.hole_um
+    low, high = 0.0, job.round_fit.hole_um
     while inside(high) < share:
         low, high = high, 2 * high
-    while high - low > SHARP * high and high > SHARP**2 * job.fit.hole_um:
+    while high - low > SHARP * high and high > SHARP**2 * job.round_fit.hole_um:
         middle = (low + high) / 2
         low, high = (middle, high) if inside(middle) < share else (low, middle)
     return high

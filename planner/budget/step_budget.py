@@ -16,11 +16,11 @@ from microplan.planner.budget.budget import (
     verify_budget,
 )
 from microplan.planner.budget.insert_budget import (
-    LateralResidual,
     insert_budget,
     insertion_of,
     share_of_goal,
 )
+from microplan.planner.budget.insertion import LateralResidual
 from microplan.planner.budget.measurement_history import (
     MeasurementHistory,
     method_taken,

@@ -38,6 +38,14 @@ def count(text: str) -> int:
     return value
 
 
+def confidence(text: str) -> float:
+    """Return a confidence that trials can show."""
+    value = float(text)
+    if not 0.5 <= value <= 0.9999:
+        raise ValueError(text)
+    return value
+
+
 def share(text: str) -> float:
     """Return a number above 0 and at most 1."""
     value = float(text)
@@ -141,6 +149,13 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
     _add_jobs(parser, "worker processes")
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
+    parser.add_argument(
+        "--confidence",
+        type=asked(confidence, "a number from 0.5 to 0.9999"),
+        metavar="C",
+        help="that P(success) meets the goal, as 0.95: trials rise until its lower "
+        "bound decides; default: P(success) alone must meet it",
+    )
     _add_image_error(
         parser,
         "aimed at, of unit contrast: above 0, at most 1; default: the task's",

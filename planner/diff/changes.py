@@ -57,13 +57,14 @@ _LESS_IS_BETTER = (
     "*ratio_to_*", "*/taper_um", "*/tilt_rad", "*/tilt_takes_um",
     "*/grasp/needed_um", "*/usable_focus_um/0", "*/usable_magnification/0",
     "*/placing/half_um", "*/placing/most_um", "*/allowed/*/least",
+    "*half_width*", "*undetected*", "*/trials_needed",
 )  # fmt: skip
 _MORE_IS_BETTER = (
     "*success", "*success_lower", "*_probability", "*capture_um", "*capture_um/[0-2]",
     "*clearance_um/[0-2]", "*robustness", "*uniqueness", "*completeness",
     "*largest_um", "*/allowed/*/most", "*/tilt_limit_rad", "*/wedging_rad",
     "*/grasp/room_um", "*/focus/margin_um", "*/usable_focus_um/1",
-    "*/usable_magnification/1",
+    "*/usable_magnification/1", "*success_low", "*mechanical_low", "*/reachable",
 )  # fmt: skip
 # what is asked for or assumed, and no more than a sample of a curve
 _NEITHER = (

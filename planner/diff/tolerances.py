@@ -98,6 +98,8 @@ _MEASURED = (
     "options/*/looks", "max_spread_um", "robustness", "resolution_um",
     "slope_per_um", "largest_um", "size_um", "halvings", "floor_s",
     "ratio_to_floor", "covariance_um2/*", "miss_probability",
+    "sigma_um/*", "half_width_um", "half_width_um/*", "half_width_theta_rad",
+    "bias_theta_rad",
 )  # fmt: skip
 
 TABLE: tuple[Rule, ...] = (
@@ -116,9 +118,16 @@ TABLE: tuple[Rule, ...] = (
     Rule(pattern="evidence/*/silent", absolute=1),
     *(Rule(pattern=f"evidence/*{name}_trial", ignored=True)
       for name in ("worst", "median", "first_failing")),
+    # of random trials: one far error moves the fourth moment most
+    *(Rule(pattern=f"repeatability/{name}", absolute=1)
+      for name in ("answered", "undetected")),
+    Rule(pattern="repeatability/kurtosis*", relative=0.5),
+    Rule(pattern="success_bound/undetected", absolute=1),
+    Rule(pattern="success_bound/trials_needed", ignored=True),
     # chances: a sigma that moves by a fifth moves them by less
     *(Rule(pattern=name, absolute=0.01)
-      for name in ("success_probability", "halved_probability")),
+      for name in ("success_probability", "halved_probability", "success_low",
+                   "mechanical_low", "undetected_upper", "reachable")),
     *(Rule(pattern=name, relative=0.2, absolute=2e-3) for name in _MEASURED),
 )  # fmt: skip
 

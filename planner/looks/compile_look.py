@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 
 from microplan.featuresel.selection.evaluate import is_fit
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import WRONG_TOLERANCES
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.looks.feature_evaluation import begin_features
 from microplan.planner.looks.feature_sets import FeatureSetSearch, wanted
@@ -145,8 +147,13 @@ def _kept(problem: LookProblem, view: ViewPlan) -> CompiledLook | None:
     even = problem.asked(request.break_even_um, BREAK_EVEN)
     # not the cheapest that is worth it, but the best
     reliable = even.evaluate(view, to_the_end=True).comparison.selection.pareto
-    best_um = NEAR * min((s.need_um for s in reliable), default=math.inf)
+    best_um = NEAR * min(map(_attainable_um, reliable), default=math.inf)
     return _at(problem.asked(min(best_um, request.break_even_um), BREAK_EVEN), view)
+
+
+def _attainable_um(score: ChainScore) -> float:
+    """Return the least tolerance that a chain meets, um: its corners pass, too."""
+    return max(score.need_um, (score.worst_um or 0.0) / WRONG_TOLERANCES)
 
 
 def _at(problem: LookProblem, view: ViewPlan) -> CompiledLook | None:

@@ -148,11 +148,13 @@ class ChosenSet:
     found: FeatureSet
     least: int  # that must answer
     shared_um: float  # sigma of the target's position on the part, as fabricated
+    repeated: ChainScore | None = None  # of random trials, once the set is chosen
 
     @property
     def sigma_um(self) -> float:
         """Return sigma of the target's position, um; the worse of trials and model."""
-        seen = max(self.score.sigma_um or 0.0, self.found.known.sigma_um)
+        tried = self.repeated or self.score
+        seen = max(tried.sigma_um or 0.0, self.found.known.sigma_um)
         return math.hypot(seen, self.shared_um)
 
     @property

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from microplan.featuresel.look.design import design
+from microplan.featuresel.look.design import design, random_design
+from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Constraints, Limits
 from microplan.featuresel.selection.evaluate import has_margin
 from microplan.featuresel.sets.feature_set import FeatureSet, choose_set
@@ -117,7 +118,21 @@ class FeatureSetSearch:
         rival = None if self._effort.thorough else self._chosen_alone
         if not fault and rival is not None and at_most(rival.need_um, chosen.need_um):
             fault = f"{target} alone does better"
-        return (None, f"{' + '.join(found.names)}: {fault}") if fault else (chosen, "")
+        if fault:
+            return None, f"{' + '.join(found.names)}: {fault}"
+        return replace(chosen, repeated=self._repeated(chosen)), ""
+
+    def _repeated(self, chosen: ChosenSet) -> ChainScore:
+        """Return the score of a set on fresh random trials."""
+        context, fresh = self.problem.context, self._named(chosen.tested)
+        return context.memo.call(
+            score_set,
+            fresh,
+            self._members(chosen.tested, chosen.sights),
+            random_design(fresh, context.effort.random_trials, self.problem.task.seed),
+            least=chosen.least,
+            map=context.map,
+        )
 
     def _missed(self, chosen: ChosenSet) -> str:
         """Return which limit a set misses, as the part may be made."""
@@ -217,14 +232,12 @@ class FeatureSetSearch:
         found: FeatureSet,
     ) -> ChosenSet:
         """Return the set with the score of fresh trials."""
-        case, context = self.tried.case, self.problem.context
-        names = "+".join(r.shape.name for r in tested)
-        fresh = replace(case, key=f"{case.key}/{names}")
+        context, fresh = self.problem.context, self._named(tested)
         least = len(tested) - 1 if self._has_spare(found) else len(tested)
         score = context.memo.call(
             score_set,
             fresh,
-            [self._member(r, s) for r, s in zip(tested, sights, strict=True)],
+            self._members(tested, sights),
             design(fresh, context.effort.trials, self.problem.task.seed),
             least=least,
             map=context.map,
@@ -233,6 +246,17 @@ class FeatureSetSearch:
             tested=tuple(tested), sights=tuple(sights), score=score, found=found,
             least=least, shared_um=self._shared_um(tested, found),
         )  # fmt: skip
+
+    def _named(self, tested: Sequence[TestedFeature]) -> LookCase:
+        """Return the look with trials of its own for a set of features."""
+        names = "+".join(each.shape.name for each in tested)
+        return replace(self.tried.case, key=f"{self.tried.case.key}/{names}")
+
+    def _members(
+        self, tested: Sequence[TestedFeature], sights: Sequence[FeatureMeasurement]
+    ) -> list[Member]:
+        """Return features as trials of the set measure them."""
+        return [self._member(r, s) for r, s in zip(tested, sights, strict=True)]
 
     def _has_spare(self, found: FeatureSet) -> bool:
         """Return whether a set still does without any one of its features."""

@@ -9,10 +9,11 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from microplan.featuresel.look.design import design
+from microplan.featuresel.look.design import random_design
 from microplan.featuresel.look.scenario import LookCase, scene
 from microplan.featuresel.trials.bias_prediction import predict_bias
-from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.optics.layers.layer_error import (
@@ -65,7 +66,7 @@ LEAST = 3  # answers from which a standard deviation is estimated
 
 
 def sigma_without_scale_um(
-    tried: Evaluation, chosen: ChainScore, root_seed: int
+    tried: Evaluation, repeated: Repeated, chain: Chain, root_seed: int
 ) -> float:
     """Return sigma of a measured position, um, with the magnification error removed.
 
@@ -80,17 +81,18 @@ def sigma_without_scale_um(
         the scale contributes next to nothing.
     """
     case, place_um = tried.case, np.array([tried.case.x_um, tried.case.y_um])
-    scale_um = float(np.hypot(*place_um)) * case.spread.magnification_sigma
+    chosen = repeated.of(chain)
+    scale_um = float(np.hypot(*place_um)) * case.drawn.magnification_sigma
     if chosen.sigma_um is None or scale_um < NOTHING * chosen.sigma_um:
         return math.inf
-    if case.theta_any or case.spread.pose_sigma_theta_rad > SMALL_RAD:
+    if case.theta_any or case.drawn.pose_sigma_theta_rad > SMALL_RAD:
         return math.inf
-    right = tried.comparison.outcomes.by(chosen.chain).only(
+    right = repeated.outcomes.by(chain).only(
         lambda o: o.world_um is not None and not is_wrong(case, o)
     )
     if len(right) < LEAST:
         return math.inf
-    trials = design(case, 1 + max(o.trial for o in right), root_seed)
+    trials = random_design(case, 1 + max(o.trial for o in right), root_seed)
     zoom = np.array([trials[o.trial].magnification for o in right]) - 1
     errors_um = np.array([o.world_um for o in right]) - zoom[:, None] * place_um
     return float(errors_um.std(axis=0, ddof=1).max())
@@ -205,6 +207,16 @@ def measured(
         draws=context.effort.range_draws,
         map=context.map,
     )
+    spare = tried.comparison.selection.fallback
+    repeated = context.memo.call(
+        repeatability,
+        case,
+        tried.comparison.prepared,
+        (chosen.chain,) if spare is None else (chosen.chain, spare.chain),
+        count=context.effort.random_trials,
+        root_seed=seed,
+        map=context.map,
+    )
     only = replace(tried.comparison.prepared, chains=(chosen.chain,))
     curves = context.memo.call(
         predict_bias, case, only, root_seed=seed, map=context.map
@@ -219,6 +231,8 @@ def measured(
         if context.effort.limited
         else None,
         sigma_um=sigma_um,
+        repeated=repeated,
+        draws=context.effort.range_draws,
     )
 
 
@@ -233,7 +247,9 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         arrays |= arrays_of(look_key(request, shape, each.shape), each.tried)
     without_scale_um = math.inf  # it is not known of several features
     if decided.together is None:
-        without_scale_um = sigma_without_scale_um(first.tried, first.chosen, task.seed)
+        without_scale_um = sigma_without_scale_um(
+            first.tried, first.repeated, first.chosen.chain, task.seed
+        )
     return CompiledLook(
         look=_look(problem, decided, image),
         case=case,

@@ -13,11 +13,13 @@ from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import choose_gate
 from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.repeatability import Repeated
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.tolerance_search import UsableRange
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.planner.looks.evaluation import Evaluation, use_of
+from microplan.planner.looks.repeated_trials import repeatability_record, undetected
 from microplan.planner.views.features import offset_um
 from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape
@@ -41,14 +43,27 @@ class MeasuredFeature:
     curve: BiasCurve | None  # of the bias through focus
     depth: p.Depth | None
     sigma_um: float | None  # that its position counts with; None: that of the trials
+    repeated: Repeated  # chain and fallback, on fresh random trials
+    draws: int  # images at each stop of the usable range
+
+    @property
+    def promised(self) -> ChainScore:
+        """Return the chain's errors on random trials that it was not chosen by."""
+        return self.repeated.of(self.chosen.chain)
+
+    @property
+    def spare(self) -> ChainScore | None:
+        """Return the fallback's errors on the same trials, None without one."""
+        spare = self.tried.comparison.selection.fallback
+        return None if spare is None else self.repeated.of(spare.chain)
 
 
 def measure_record(
     request: Request, target: TargetShape, found: MeasuredFeature
 ) -> p.Measure:
     """Return the measurement of a feature, with the accuracy found in trials."""
-    tried, shape, chosen = found.tried, found.shape, found.chosen
-    case, spare = tried.case, tried.comparison.selection.fallback
+    tried, shape, chosen = found.tried, found.shape, found.promised
+    case, spare, gates = tried.case, found.spare, _gates(tried, found.chosen)
     spare_chain = () if spare is None else spare.chain
     where = look_key(request, target, shape)
     return p.Measure(
@@ -70,8 +85,8 @@ def measure_record(
         jacobian_px_per_um=_jacobian(case),
         sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
         sigma_theta_rad=_sigma_theta_rad(found),
-        limit_xy_um=chosen.limit_um,
-        gates=_gates(tried, chosen),
+        limit_xy_um=found.chosen.limit_um,
+        gates=gates,
         capture_um=case.spread.search_um,
         symmetry=shape.symmetry,
         symmetry_broken_by=shape.symmetry_broken_by
@@ -88,22 +103,26 @@ def measure_record(
         turn_rad=shape.angle_rad,
         bias_through_focus=_through_focus(found.curve),
         depth=found.depth,
+        repeatability=repeatability_record(
+            chosen, undetected(case, found.repeated.outcomes.by(chosen.chain), gates)
+        ),
+        usable_draws=found.draws,
     )
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return a fallback's sigma, um, with what the chain's own has besides trials."""
-    own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
+    own, counts = found.promised.sigma_um or 0.0, found.sigma_um or 0.0
     more = math.sqrt(max(counts**2 - own**2, 0.0))
     return math.hypot(spare.sigma_um or 0.0, more)
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
     """Return sigma of the angle; of one of several features, its bias included."""
-    sigma = found.chosen.sigma_theta_rad
+    sigma = found.promised.sigma_theta_rad
     if sigma is None or found.sigma_um is None:
         return sigma
-    return math.hypot(sigma, found.chosen.bias_theta_rad or 0.0)
+    return math.hypot(sigma, found.promised.bias_theta_rad or 0.0)
 
 
 def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:

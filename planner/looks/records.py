@@ -14,6 +14,7 @@ from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import height_sigma_um
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
+from microplan.planner.looks.repeated_trials import repeatability_record
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.planner.task.task import Task
 from microplan.planner.views.focus import focus_stops, reach_margin_um
@@ -224,7 +225,8 @@ def together_record(found: ChosenSet) -> p.Together:
     """
     known = found.found.known
     dropped = math.hypot(found.found.dropped_um, found.shared_um)
-    turn = found.score.sigma_theta_rad
+    score = found.repeated or found.score
+    turn = score.sigma_theta_rad
     if turn is not None and math.isfinite(known.sigma_theta_rad):
         turn = max(turn, known.sigma_theta_rad)
     return p.Together(
@@ -235,6 +237,7 @@ def together_record(found: ChosenSet) -> p.Together:
         least=found.least,
         success_lower=found.score.success_lower,
         silent_upper=found.score.silent_upper,
+        repeatability=repeatability_record(score, score.silent),
     )
 
 

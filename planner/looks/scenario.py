@@ -19,7 +19,7 @@ from microplan.optics.outline.tolerant_order import above
 from microplan.optics.render.fidelity import Fidelity, choose
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
-from microplan.planner.assembly.assembly import Place, locate_place
+from microplan.planner.assembly.assembly import Place, height_sigma_um, locate_place
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
@@ -99,6 +99,7 @@ def build_case(
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
         spread=spread,
+        stated=_stated(task, request, spot, spread),
     )
     return case, fidelity
 
@@ -123,6 +124,7 @@ def feature_case(
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
+    wide_um = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
     return replace(
         case,
         key=f"{case.key}/{shape.name}",
@@ -138,9 +140,12 @@ def feature_case(
         else angle * SHARE_TOGETHER,
         spread=replace(
             case.spread,
-            pose_sigma_xy_um=math.hypot(
-                spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um
-            ),
+            pose_sigma_xy_um=wide_um,
+            search_um=search_um(task, spot),
+        ),
+        stated=replace(
+            case.drawn,
+            pose_sigma_xy_um=spot.sigma_xy_um,
             search_um=search_um(task, spot),
         ),
     )
@@ -252,12 +257,12 @@ def _sigma_theta(task: Task, spot: Place) -> float:
 def _spread(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> TrialSpread:
-    """Return the perturbations of trials: the task's benchmark and the poses' sigmas.
+    """Return what is tried: the task's benchmark, at least as the workcell states it.
 
     Of the lens only what changes how the target looks: what moves the whole image is a
     term of the error budget.
     """
-    b, lens = task.benchmark, task.workcell.optics.lens
+    b, optics = task.benchmark, task.workcell.optics
     higher = _higher(task, request, spot, static)
     rotations = tuple(
         UnknownRotation(
@@ -271,8 +276,8 @@ def _spread(
         if part.owner in task.parts and part.sigma_theta_rad > 0
     )
     return TrialSpread(
-        focus_sigma_um=b.focus_sigma_um,
-        magnification_sigma=b.magnification_sigma,
+        focus_sigma_um=max(b.focus_sigma_um, optics.focus.repeatability_um),
+        magnification_sigma=max(b.magnification_sigma, optics.zoom.scale_sigma),
         light_gain=b.light_gain,
         light_gradient=b.light_gradient,
         pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
@@ -280,7 +285,31 @@ def _spread(
         search_um=search_um(task, spot),
         occluder_sigma_um=max((place.sigma_xy_um for place in higher), default=0.0),
         turning=rotations,
-        lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
+        lens=LensErrors(
+            field_curvature_sigma_per_um=optics.lens.field_curvature_sigma_per_um
+        ),
+    )
+
+
+def _stated(
+    task: Task, request: Request, spot: Place, tried: TrialSpread
+) -> TrialSpread:
+    """Return what the workcell states, and what the plan itself does not know.
+
+    Focus: the drive's repeatability, and the height of the target. Where that is known
+    less well than what is tried, further focus stops are for the rest.
+    """
+    cell = task.workcell
+    height_um = height_sigma_um(task, request.state, spot.owner)
+    off_um = math.hypot(cell.optics.focus.repeatability_um, height_um)
+    return replace(
+        tried,
+        focus_sigma_um=min(off_um, tried.focus_sigma_um),
+        magnification_sigma=cell.optics.zoom.scale_sigma,
+        light_gain=(1.0, 1.0),
+        light_gradient=(cell.light.gradient, cell.light.gradient),
+        pose_sigma_xy_um=spot.sigma_xy_um,
+        pose_sigma_theta_rad=min(spot.sigma_theta_rad, math.pi),
     )
 
 

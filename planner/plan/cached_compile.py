@@ -39,7 +39,7 @@ def compile_file(
         Gets the task's name before the work begins; it may raise.
     """
     started = time.perf_counter()
-    asked = (options.preset, options.max_image_error)
+    asked = (options.preset, options.max_image_error, options.confidence)
     whole = None if store is None else remembered(store, task, asked)
     if whole is not None and isinstance(whole.made, PlanBytes):
         report.found.extend(whole.findings)
@@ -68,7 +68,7 @@ def compile_file(
 def _remember(
     store: Store,
     task: str,
-    asked: tuple[str | None, float | None],
+    asked: tuple[str | None, float | None, float | None],
     report: Report,
     made: PlanBytes,
 ) -> None:

@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 
 from microplan.planner.assembly.assembly import State, initial
-from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import (
     axis_move,
     build_world,
@@ -24,17 +25,20 @@ from microplan.planner.assembly.world import (
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
+from microplan.planner.plan.fit_picture import fit_pictures
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.speculation import Ahead, begin, listen
 from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.source.diagnostics import Report, Span
-from microplan.planner.task.presets import PRESETS, Preset
+from microplan.planner.task.presets import PRESETS, Effort, Preset
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import check_tolerances
 from microplan.planner.views.check_task import check_fits
+from microplan.planner.views.fit_angles import unfold_with_angles
 from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
 from microplan.schemas.codec import to_data
@@ -54,34 +58,63 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     """
     started = time.perf_counter()
     read_twice(task, report, options.memo)
-    states = unfold(task, report)
+    task, states = unfold_with_angles(task, report)
     check_fits(task, states, report)
     can_align = check_tolerances(task, states, report)
     if report.failed:
         return None
     preset = options.preset or task.optimise.prefer
-    limit = options.max_image_error or task.optimise.image_error(preset)
-    with workers(options.jobs) as pool:
-        context = CompileContext(
-            effort=options.effort or PRESETS[preset],
-            max_image_error=limit,
-            map=map,
-            memo=options.memo,
-        )
-        todo = states if can_align else ()
-        steps, timings = _steps(task, todo, context, report, options.progress, pool)
-    plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
+    effort, before = options.effort or PRESETS[preset], tuple(report.found)
+    todo = states if can_align else ()
+    compiled = partial(_compiled, task, states, todo, preset, options, report)
+    plan, steps, timings = compiled(effort)
+    more = more_trials(plan, effort, options.confidence)
+    while more is not None:
+        effort, report.found[:] = more, before
+        plan, steps, timings = compiled(effort)
+        more = more_trials(plan, effort, options.confidence)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
         plan=plan,
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
-        images={look.look.scene.image: look.picture for look in looks},
+        images={
+            **{look.look.scene.image: look.picture for look in looks},
+            **fit_pictures(task, states),
+        },
         figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
         inputs=_inputs(report),
     )
+
+
+def _compiled(
+    task: Task,
+    states: tuple[StepState, ...],
+    todo: tuple[StepState, ...],
+    preset: Preset,
+    options: Options,
+    report: Report,
+    effort: Effort,
+) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
+    """Return the plan that an effort gives, the steps to be done, and their times."""
+    limit = options.max_image_error or task.optimise.image_error(preset)
+    with workers(options.jobs) as pool:
+        context = CompileContext(
+            effort=effort, max_image_error=limit, map=map, memo=options.memo
+        )
+        steps, timings = _steps(task, todo, context, report, options.progress, pool)
+    plan = build_plan(
+        task,
+        states,
+        steps,
+        report,
+        preset=preset,
+        limit=limit,
+        confidence=options.confidence,
+    )
+    return plan, steps, timings
 
 
 def build_plan(
@@ -92,13 +125,17 @@ def build_plan(
     *,
     preset: Preset,
     limit: float,
+    confidence: float | None = None,
 ) -> p.Plan:
     """Return the plan of the steps that could be compiled."""
     start = initial(task)
     compiled = tuple(step.step for step in steps)
     success = math.prod((s.budget.success_probability for s in compiled), start=1.0)
     complete = len(compiled) == len(states)
+    bound = bound_of(task, tuple(states), steps, confidence) if complete else None
     _report_goal(task, compiled, success if complete else None, report)
+    if bound is not None and confidence is not None:
+        report_unshown(task, success, bound, report)
     reasons = _reasons(task, report)
     return p.Plan(
         format_version=p.FORMAT_VERSION,
@@ -117,6 +154,7 @@ def build_plan(
         steps=compiled,
         parts=part_solids(task),
         fingers=finger_solids(task),
+        success_bound=bound,
     )
 
 

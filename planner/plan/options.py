@@ -16,6 +16,7 @@ class Options:
     preset: Preset | None = None
     effort: Effort | None = None  # None: the preset's
     max_image_error: float | None = None
+    confidence: float | None = None  # that P(success) meets the goal; None: it alone
     jobs: int = 1
     progress: Callable[[int, int, str], None] = lambda _done, _all, _step: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing

@@ -14,7 +14,7 @@ from microplan.planner.report.margins import (
     needed_probability,
 )
 from microplan.planner.report.steps import left_out, step_id
-from microplan.planner.store.summary import ends_before
+from microplan.planner.store.summary import ends_before, lower_words, outside_words
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
 from microplan.schemas.page.axes import AxisScale, ChartField, around
@@ -68,7 +68,12 @@ def _verdict(plan: Plan) -> list[Node]:
     ]  # fmt: skip
     help_ = sorted({f"microplan explain {reason.code}" for reason in plan.reasons})
     mend = el("p", "How to mend it: ", [[el("code", h), " "] for h in help_])
-    return [lead, [el("ul", reasons), mend] if reasons else None]
+    outside = outside_words(plan)
+    return [
+        lead,
+        el("p", f"{outside[0].upper()}{outside[1:]}.") if outside else None,
+        [el("ul", reasons), mend] if reasons else None,
+    ]
 
 
 def _step_link(plan: Plan, step: str) -> Node:
@@ -82,7 +87,10 @@ def _chance(plan: Plan) -> str:
     if ends is not None:
         return f"the plan ends before {ends}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {number(plan.success_goal)}"
-    return f"P(success) {chance(plan.success_probability)}{goal}, by simulation alone"
+    return (
+        f"P(success) {chance(plan.success_probability)}{lower_words(plan)}{goal}, by "
+        "simulation alone"
+    )
 
 
 def _tightest(found: list[Margin], *, whole: bool) -> Element | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from microplan.planner.report.folder import ReportedPlan
@@ -93,10 +94,10 @@ def _facts(look: Look) -> Element:
         ("magnification", f"{number(look.view.magnification)} \u00d7"),
         ("plane in focus", quantity(look.view.focus_um, "\u00b5m")),
         ("routines", chain_of(look.measure)),
-        ("one sigma, per axis", um(look.sigma_xy_um)),
+        ("one sigma, per axis", [um(look.sigma_xy_um), _known_by(look)]),
         ("2 sigma + |bias| of tolerance",
          f"{um(needed)} of {um(look.evidence.tolerance_um)}"),
-        ("usable focus", span(low, high, "\u00b5m")),
+        ("usable focus", [span(low, high, "\u00b5m"), _drawn(look)]),
     ]  # fmt: skip
     if turn is not None:
         pairs.append(("one sigma of the angle", degrees(turn)))
@@ -105,6 +106,21 @@ def _facts(look: Look) -> Element:
     if look.verdict is not None and look.verdict.change is not None:
         pairs.append(("time to look", seconds(look.verdict.change.total_s)))
     return facts(pairs)
+
+
+def _known_by(look: Look) -> Element | None:
+    """Return what sigma is known by, None where the plan does not say."""
+    known = look.repeatability
+    if known is None:
+        return None
+    half = um(math.hypot(*known.half_width_um))
+    return el("small", f"{known.trials} random trials; bias known within {half}")
+
+
+def _drawn(look: Look) -> Element | None:
+    """Return how many images the usable range comes from."""
+    count = look.measure.usable_draws
+    return None if count is None else el("small", f"{count} draws a stop")
 
 
 def _apertures(look: Look) -> tuple[ApertureRow, ...]:

@@ -111,7 +111,7 @@ def step_section(folder: ReportedPlan, number_: int, step: Step) -> Element:
     return el(
         "section",
         el("h2", f"{number_}. {step.id}: {step_title(step)}"),
-        facts(_facts(step)),
+        facts(_facts(folder.plan, step)),
         el("p", step.budget.advice, class_="note") if step.budget.advice else None,
         [*_verdicts(step)],
         [*budget_figures(folder.plan, step)],
@@ -121,10 +121,17 @@ def step_section(folder: ReportedPlan, number_: int, step: Step) -> Element:
     )
 
 
-def _facts(step: Step) -> list[tuple[str, Node]]:
+def _low(plan: Plan, step: Step) -> Element | None:
+    """Return the lower bound of the step's probability, None where it has none."""
+    rows = () if plan.success_bound is None else plan.success_bound.steps
+    low = next((row.success_low for row in rows if row.step == step.id), None)
+    return None if low is None else el("small", f"at least {chance(low)}")
+
+
+def _facts(plan: Plan, step: Step) -> list[tuple[str, Node]]:
     """Return the step's figures."""
     found: list[tuple[str, Node]] = [
-        ("P(success)", chance(step.budget.success_probability)),
+        ("P(success)", [chance(step.budget.success_probability), _low(plan, step)]),
         ("looks", str(len(step.looks)) if step.looks else "none"),
         ("can it be undone", "no" if step.irreversible else "yes"),
     ]

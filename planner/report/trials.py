@@ -73,9 +73,15 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
         do=f"Stay within {signed(low)} to {signed(high)} \u00b5m of focus at nominal "
         f"zoom "
         f"and {number(small, 4)} to {number(large, 4)} of the magnification at nominal "
-        "focus: there every draw met the tolerance.",
+        f"focus: there {_draws(look.measure)} met the tolerance.",
     )
     yield figure(caption, el("div", content, class_="wide"))
+
+
+def _draws(measure: Measure) -> str:
+    """Return how many images a usable range comes from."""
+    count = measure.usable_draws
+    return "every draw" if count is None else f"all of {count} draws"
 
 
 def accuracy(look: Look) -> Iterator[Element]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from microplan.schemas.files.times import SWEEP
 from microplan.schemas.page.figures import chance
@@ -18,7 +18,7 @@ EFFECTS = {
 
 def plan_summary(plan: Plan) -> str:
     """Return the verdict with what it leaves out, one line per step, and the rest."""
-    verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_left_out(plan)]
+    verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_outside(plan)]
     width = max((len(step.id) for step in plan.steps), default=4)
     steps = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
     return "\n".join([*verdict, *steps, *_look_times(plan), *_worst_effect(plan)])
@@ -42,17 +42,43 @@ def _chance(plan: Plan) -> str:
     if ends is not None:
         return f"ends before {ends!r}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
-    return f"P(success) {success(plan)}{goal} (simulated)"
+    return f"P(success) {success(plan)}{lower_words(plan)}{goal} (simulated)"
 
 
-def _left_out(plan: Plan) -> list[str]:
-    """Return which grasps are not known to hold: their probability is unknown."""
-    doubtful = [
-        f"{step.id} ({step.grasp.verdict})"
-        for step in plan.steps
-        if step.grasp is not None and step.grasp.verdict != "holds"
-    ]
-    return [f"not in P(success): {', '.join(doubtful)}"] if doubtful else []
+def lower_words(plan: Plan) -> str:
+    """Return the lower bound of the probability of success, "" where it is unknown."""
+    bound = plan.success_bound
+    if bound is None:
+        return ""
+    words = f", at least {chance(bound.success_low)} at {bound.confidence:g} confidence"
+    words += f" by {bound.trials} random trials a look"
+    if plan.success_goal is not None and bound.reachable < plan.success_goal:
+        words += f", which show {chance(bound.reachable)} at most"
+    return words
+
+
+def left_out(steps: Sequence[Step]) -> tuple[str, ...]:
+    """Return what steps may fail by without a known probability, one text a step."""
+    found = []
+    for step in steps:
+        if step.grasp is not None and step.grasp.verdict != "holds":
+            found.append(f"{step.id} ({step.grasp.verdict})")
+        if step.fit is not None and step.fit.may_wedge:
+            found.append(f"{step.id} (may wedge)")
+        if step.release is not None and step.release.verdict != "stays":
+            found.append(f"{step.id} ({step.release.verdict})")
+    return tuple(found)
+
+
+def outside_words(plan: Plan) -> str:
+    """Return what the probability of success leaves out, "" if nothing is known."""
+    doubtful = left_out(plan.steps)
+    return f"not in P(success): {', '.join(doubtful)}" if doubtful else ""
+
+
+def _outside(plan: Plan) -> list[str]:
+    words = outside_words(plan)
+    return [words] if words else []
 
 
 def _look_times(plan: Plan) -> list[str]:
@@ -125,9 +151,11 @@ def _look_line(look: Look) -> str:
     """Return what finds the target, and how well."""
     found = "; ".join(_found_by(measure) for measure in look.measures)
     low, high = look.measure.usable_focus_um
+    draws = look.measure.usable_draws
+    drawn = "" if draws is None else f" ({draws} draws)"
     return (
         f"{look.target} by {found} at {look.view.magnification:.3g} x, sigma "
-        f"{look.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um"
+        f"{look.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um{drawn}"
     )
 
 

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
 from microplan.planner.store.folder import not_written, replace_alike
-from microplan.planner.task.features import dominant_circle
+from microplan.planner.task.regions.features import dominant_circle
 from microplan.planner.task.task import Part
 
 _SVG = "http://www.w3.org/2000/svg"

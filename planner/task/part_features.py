@@ -9,8 +9,8 @@ from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, Ring
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
-from microplan.planner.task import features
-from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.regions import features
+from microplan.planner.task.regions.features import NotFoundError
 from microplan.planner.task.regions.rings import by_size, listed, nearest
 from microplan.planner.task.regions.symmetry import centroid, symmetry_order
 from microplan.planner.task.surfaces import OWN
@@ -208,6 +208,6 @@ def _make(
 ) -> PartFeature:
     """Return the feature; values that its kind does not have stay as they are."""
     return PartFeature(
-        name=name, kind=raw["kind"], center_um=center_um,
+        name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
         avoid=raw.get("avoid", False), where=at, **values,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from microplan.optics.outline.outline import Outline
 from microplan.planner.task.drawings import form, rows
-from microplan.planner.task.features import DominantCircle, dominant_circle
+from microplan.planner.task.regions.features import DominantCircle, dominant_circle
 from microplan.planner.task.surfaces import surfaces
 from microplan.planner.task.task import Part
 

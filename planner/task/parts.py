@@ -11,10 +11,10 @@ from microplan.planner.drawings.census import Taken
 from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, with_defaults
-from microplan.planner.task import features
 from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
-from microplan.planner.task.features import NotFoundError
 from microplan.planner.task.part_features import read_features, whole_outline
+from microplan.planner.task.regions import features
+from microplan.planner.task.regions.features import NotFoundError
 from microplan.planner.task.regions.symmetry import centroid, symmetry_order
 from microplan.planner.task.surfaces import (
     OWN,
@@ -142,10 +142,10 @@ def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
     """Return the post; its circle is that of its outer ring if it has one."""
     try:
         found = features.circle(shape.rings[:1])
-        center, radius_um, order = found.center_um, found.radius_um, 0
+        center, radius_um = found.center_um, found.radius_um
     except NotFoundError:
         center, radius_um = features.extent(shape, centroid(shape.rings[:1]))
-        order = symmetry_order(shape.rings[0])
+    order = 0 if features.is_round(shape) else symmetry_order(shape.rings[0])
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
         reflectance=float(raw["reflectance"]),

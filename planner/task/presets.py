@@ -13,8 +13,10 @@ Preset = Literal["fast", "balanced", "accurate"]
 class Effort:
     """What a preset spends on one look."""
 
-    trials: int  # perturbed images a look is benchmarked on
-    range_draws: int  # noise draws at each focus and zoom of the usable range
+    trials: int  # perturbed images a look's chains are compared on
+    random_trials: int  # fresh ones that the chosen chain's sigma and bias come from
+    range_draws: int  # images at each focus and zoom of the usable range, at least 12
+    drift_draws: int  # images at each drift of the largest errors allowed
     image_error: float  # of unit contrast, that images may have
     limited: bool  # the physical limit is computed, too, to compare routines with
     features: int  # of a part, compared where the target alone is not enough
@@ -25,7 +27,9 @@ class Effort:
 PRESETS: Mapping[Preset, Effort] = {
     "fast": Effort(
         trials=24,
-        range_draws=2,
+        random_trials=64,
+        range_draws=12,
+        drift_draws=2,
         image_error=0.005,
         limited=False,
         features=2,
@@ -33,7 +37,9 @@ PRESETS: Mapping[Preset, Effort] = {
     ),
     "balanced": Effort(
         trials=64,
-        range_draws=4,
+        random_trials=256,
+        range_draws=12,
+        drift_draws=4,
         image_error=0.002,
         limited=True,
         features=3,
@@ -41,7 +47,9 @@ PRESETS: Mapping[Preset, Effort] = {
     ),
     "accurate": Effort(
         trials=304,
-        range_draws=8,
+        random_trials=1024,
+        range_draws=16,
+        drift_draws=8,
         image_error=0.0005,
         limited=True,
         features=6,

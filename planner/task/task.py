@@ -30,6 +30,7 @@ class PartFeature:
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it
     radius_um: float
+    layer: str = ""  # of the drawing that its rings are on; "": any
     on: str = ""  # the post or mark whose edges it has; "": the part's own
     region: bool = False  # outline: of a ring, not of the whole part
     ring: int | None = None  # region: which of its outline's rings; None: all

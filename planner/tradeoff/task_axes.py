@@ -105,7 +105,10 @@ def changed(own: CompileMethod, axis: Axis, value: str, task: Task) -> CompileMe
         return replace(own, zoom=min(max(zoom, low), high))  # as written with 4 digits
     if axis == "trials":
         trials = _whole(axis, value, MOST_TRIALS)
-        return replace(own, effort=replace(own.effort, trials=trials))
+        # random trials are as many more or fewer
+        random = max(1, round(own.effort.random_trials * trials / own.effort.trials))
+        effort = replace(own.effort, trials=trials, random_trials=random)
+        return replace(own, effort=effort)
     frames = _whole(axis, value, MOST_FRAMES)
     if frames & (frames - 1):
         raise ValueError(f"frames must be a power of two, got {value!r}")

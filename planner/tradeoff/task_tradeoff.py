@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from microplan.featuresel.trials.bounds import failure_upper
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.plan.compiler import compile_task
 from microplan.planner.plan.options import Options
@@ -190,18 +189,9 @@ def _spread_um(step: Step) -> float:
     return math.sqrt(sum(squares))
 
 
-def success_lower(plan: Plan) -> float:
-    """Return the probability of success with silent failures at their bound.
-
-    They are pooled over all looks: if k of all n trials of the chains chosen failed
-    silently, a look does so with less than the bound of Clopper and Pearson, 95 %.
-    """
-    scores = [look.evidence.chosen for step in plan.steps for look in step.looks]
-    trials = sum(score.trials for score in scores)
-    if not trials:
-        return plan.success_probability
-    most = failure_upper(sum(score.silent for score in scores), trials)
-    return float(plan.success_probability * (1 - most) ** len(scores))
+def success_lower(plan: Plan) -> float | None:
+    """Return the lower bound of the probability of success, None where unknown."""
+    return None if plan.success_bound is None else plan.success_bound.success_low
 
 
 def run_s(plan: Plan) -> float:

@@ -22,7 +22,7 @@ class TradeoffPoint:
     reason: str  # "" if feasible
     error_um: float | None  # one sigma per axis at the last part's goal; None: no part
     success_probability: float | None  # None: the plan ends before it is known
-    success_lower: float | None  # with silent failures at their bound
+    success_lower: float | None  # its lower bound, 95 %
     run_s: float | None  # looks and alignments, no moves between
     choices: tuple[str, ...] | None  # that are others than in the first point
     on_front: bool  # no other is both quicker to run and finer

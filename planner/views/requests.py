@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import State, owner_of
-from microplan.planner.assembly.mating import hole_and_shaft
+from microplan.planner.assembly.fits.room import capture_um
+from microplan.planner.assembly.mating import hole_and_shaft, mating_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.task import Move, Task, TaskStep
@@ -191,14 +192,18 @@ def _sideways(move: Move) -> bool:
 def _fit_tolerance(
     task: Task, states: tuple[StepState, ...], align: StepState
 ) -> float | None:
-    """Return half the clearance of the insertion that an alignment prepares."""
+    """Return half the capture radius of the insertion that an alignment prepares."""
     step = insertion_after(states, align)
     if step is None:
         return None
     feature, post = hole_and_shaft(task, step)
     if feature is None or post is None:
         return None
+    here = next(state for state in states if state.step is step)
+    mating = mating_of(task, step, here.after)
     room = (feature.radius_um - post.radius_um) / 2
+    if mating is not None and mating.shape is not None:
+        room = capture_um(mating.shape) / 2
     return room if room > 0 else None
 
 

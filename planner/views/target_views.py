@@ -120,7 +120,7 @@ def _report_tight(
 def _tells_angle(task: Task, shape: TargetShape) -> bool:
     """Return whether the target, or other features of its part, have an angle.
 
-    A post is alone at its height.
+    A round post is alone at its height.
     """
     part = task.parts.get(shape.owner)
     alone = part is None or shape.body.partition(".")[2] in part.posts

@@ -15,6 +15,7 @@ from microplan.planner.assembly.assembly import (
     opened_fingers,
     part_pose,
 )
+from microplan.planner.task.regions.features import extent
 from microplan.planner.task.surfaces import (
     OWN,
     Covering,
@@ -200,10 +201,11 @@ def _circle(
 def _region(
     part: Part, drawn: PartFeature | Post, name: str, face: Surface, *, bright: bool
 ) -> TargetShape:
-    """Return a ring of a face, or the outline of a post, about its centroid."""
+    """Return a ring of a face, or the outline of a post, about its own point."""
     ring = drawn.ring if isinstance(drawn, PartFeature) else None
     rings = face.outline.rings if ring is None else (face.outline.rings[ring],)
     x0, y0, x1, y1 = Outline(rings=rings).bounds_um
+    _, reach_um = extent(Outline(rings=rings), drawn.center_um)
     return TargetShape(
         name=name,
         owner=part.name,
@@ -211,11 +213,11 @@ def _region(
         ring=ring,
         kind="outline",
         center_um=drawn.center_um,
-        box_um=_disc(drawn.radius_um),
+        box_um=_disc(reach_um),
         finest_um=min(x1 - x0, y1 - y0),
         bright=bright,
         symmetry=drawn.symmetry,
-        parameters={"extent_um": drawn.radius_um},
+        parameters={"extent_um": reach_um},
     )
 
 

@@ -23,6 +23,7 @@ from microplan.schemas.plan.actions import (
     ReleaseAction,
     VerifyAction,
 )
+from microplan.schemas.plan.bounds import BiasRow, StepBound, SuccessBound
 from microplan.schemas.plan.document import (
     FORMAT_VERSION,
     Belief,
@@ -58,6 +59,7 @@ from microplan.schemas.plan.measures import (
     Measure,
     Reference,
     Region,
+    Repeatability,
     RoutineUse,
 )
 from microplan.schemas.plan.steps import (
@@ -77,6 +79,7 @@ __all__ = [
     "AxisMove",
     "Belief",
     "BiasAt",
+    "BiasRow",
     "Budget",
     "BudgetRow",
     "Conditions",
@@ -103,12 +106,15 @@ __all__ = [
     "Reference",
     "Region",
     "ReleaseAction",
+    "Repeatability",
     "Requirements",
     "RoutineUse",
     "SceneRecord",
     "Score",
     "Shade",
     "Step",
+    "StepBound",
+    "SuccessBound",
     "Together",
     "VerifyAction",
     "View",

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from microplan.schemas import version
 from microplan.schemas.codec import CodecError, from_data, to_data
 from microplan.schemas.plan.actions import AxesName, AxisMove
+from microplan.schemas.plan.bounds import SuccessBound
 from microplan.schemas.plan.steps import Step
 from microplan.schemas.plan.views import Fingers, Solid
 from microplan.schemas.pose import Pose
@@ -142,3 +143,5 @@ class Plan:
     steps: tuple[Step, ...]  # in order
     parts: tuple[Solid, ...] = ()  # the room they take up; (): not told
     fingers: tuple[Fingers, ...] = ()  # of the tool; (): not told
+    # Added after 2.3. Lower bound of success_probability; None: unknown.
+    success_bound: SuccessBound | None = None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from microplan.schemas.plan.measures import Repeatability
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
@@ -89,3 +91,5 @@ class Together:
     least: int  # features that must answer
     success_lower: float  # of fresh trials of the set, as in `Score`
     silent_upper: float  # as in `Score`, of the same trials
+    # Added after 2.3; None: unknown. Of the set's place.
+    repeatability: Repeatability | None = None

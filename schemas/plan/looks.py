@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from microplan.schemas.plan.evidence import Evidence, Together
-from microplan.schemas.plan.measures import Measure
+from microplan.schemas.plan.measures import Measure, Repeatability
 from microplan.schemas.plan.views import CoarseFirst, ViewVerdict
 
 
@@ -89,6 +89,13 @@ class Look:
         if self.together is None:
             return self.measure.sigma_xy_um
         return self.together.sigma_xy_um
+
+    @property
+    def repeatability(self) -> Repeatability | None:
+        """Return what sigma and bias of the target's place are known by."""
+        if self.together is None:
+            return self.measure.repeatability
+        return self.together.repeatability
 
     @property
     def sigma_theta_rad(self) -> float | None:

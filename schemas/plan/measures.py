@@ -70,6 +70,24 @@ class Depth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Repeatability:
+    """What random trials at the workcell's own uncertainties said of a chain.
+
+    No corner of what is tried is among them, nor a trial that the chain was chosen by.
+    """
+
+    trials: int  # how many were drawn
+    answered: int  # of these, rightly: bias and sigma are theirs
+    undetected: int  # of these, wrongly, and accepted by the gates
+    sigma_um: tuple[float, float]  # standard deviation about the bias, target's frame
+    kurtosis: float  # of the errors, the larger of both axes; 3: normal
+    half_width_um: tuple[float, float]  # of the bias, two-sided 95 %, target's frame
+    kurtosis_theta: float | None = None  # of the angle; None: it is not measured
+    bias_theta_rad: float | None = None  # mean error of the angle; nobody takes it off
+    half_width_theta_rad: float | None = None  # of the angle's bias, two-sided 95 %
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
     """How a look measures one feature: its target, or another of the same part."""
 
@@ -98,3 +116,6 @@ class Measure:
     turn_rad: float = 0.0  # of the feature's frame in the part's
     bias_through_focus: tuple[BiasAt, ...] = ()  # by rising dz_um; () = not predicted
     depth: Depth | None = None  # None: not computed
+    # Added after 2.3; None: unknown. What sigma and bias are known by.
+    repeatability: Repeatability | None = None
+    usable_draws: int | None = None  # images at each stop of the usable ranges

@@ -13,16 +13,27 @@ FitClass = Literal["clearance", "transition", "interference"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutlineFitVerdict:
+    """How outlines that are not both circles go together; triples as `FitVerdict`."""
+
+    angle_rad: float  # of the shaft's part in the frame of the hole's, as planned
+    turns_freely: bool  # one of them is a whole circle: any angle will do
+    # from and to, about the planned angle, where the planned place stays free
+    theta_rad: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+    overlap_um: float  # how deep the shaft as drawn is in material; 0: it goes in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FitVerdict:
-    """How a round hole and a round shaft go together over their tolerances.
+    """How a hole and a shaft go together over their tolerances.
 
     Triples are least, drawn, greatest; the least counts taper against the fit.
     """
 
-    hole_um: float  # diameter as drawn
-    shaft_um: float  # diameter as drawn
+    hole_um: float  # largest width as drawn, of a circle its diameter
+    shaft_um: float  # largest width as drawn
     fit: FitClass  # all, some or none of the parts as made go together
-    clearance_um: tuple[float, float, float]  # difference of the diameters
+    clearance_um: tuple[float, float, float]  # by which the shaft could be wider
     capture_um: tuple[float, float, float]  # sideways error that still goes in
     taper_um: float  # what leaning walls may take of the clearance
     engaged_um: float  # overlap in height once inserted
@@ -32,6 +43,7 @@ class FitVerdict:
     wedging_rad: float | None  # below this tilt it cannot wedge; None: no friction
     wedging_depth_um: float  # from here on geometry keeps the tilt below that
     may_wedge: bool  # whether it can jam at some tilt
+    outline: OutlineFitVerdict | None = None  # None: both are whole circles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

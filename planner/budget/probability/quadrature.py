@@ -12,7 +12,7 @@ from microplan.arrays import FloatArray
 
 def nodes_between(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Return nodes and weights, (..., (K-1) count), of cuts' unit, (..., K) rising."""
-    nodes, weights = _gauss(count)
+    nodes, weights = gauss(count)
     return _spread(cuts, (nodes + 1) / 2, weights / 2)
 
 
@@ -22,7 +22,7 @@ def nodes_between_roots(cuts: FloatArray, count: int) -> tuple[FloatArray, Float
     Cuts, (..., K), rise in any unit; nodes are in the same.
     Gauss nodes in the angle of a half circle over each piece make them analytic.
     """
-    nodes, weights = _gauss(count)
+    nodes, weights = gauss(count)
     turn = math.pi / 2 * (nodes + 1)
     return _spread(cuts, np.sin(turn / 2) ** 2, math.pi / 4 * weights * np.sin(turn))
 
@@ -33,7 +33,7 @@ def cuts_between(low: float, cuts: FloatArray, high: float) -> FloatArray:
 
 
 @cache
-def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
+def gauss(count: int) -> tuple[FloatArray, FloatArray]:
     """Return Gauss-Legendre nodes and weights in -1..1, (count,) each."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return nodes, weights

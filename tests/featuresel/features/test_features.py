@@ -14,7 +14,7 @@ from microplan.arrays import Point
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.features import MOST, merge, propose
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment, place
-from microplan.planner.task import features as declared_ones
+from microplan.planner.task.regions import features as declared_ones
 from tests.featuresel.aims import target_of
 
 CUT = math.asin(3 / 25)  # half the angle of a 6 um wide notch in a 25 um bore

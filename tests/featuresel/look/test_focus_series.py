@@ -39,7 +39,7 @@ def test_images_through_focus_are_those_rendered_anew(look: Look, name: str) -> 
     # so many electrons that noise is below a count
     quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
     case = replace(look(name), sensor=quiet, sampling=FINE)
-    pictures = through_focus(case, _trials(case, -40.0))
+    pictures = through_focus(case, _trials(case, -40.0)[0])
     for dz_um in (-1.0, -16.0, -40.0):
         trials = _trials(case, dz_um)
         for trial, found in zip(trials, pictures(trials), strict=True):
@@ -55,7 +55,7 @@ def test_images_of_a_pose_are_those_rendered_anew(
     quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
     case = replace(look("between"), sensor=quiet, sampling=FINE, lamp_aperture=0.3)
     farthest = [replace(t, magnification=zoom) for t in _trials(case, dz_um)]
-    pictures = posed(case, farthest)
+    pictures = posed(case, farthest[0])
     assert pictures is not None
     for share in (0.5, 1.0):
         trials = [
@@ -77,7 +77,7 @@ def test_images_one_by_one_are_those_of_the_trials(look: Look) -> None:
 def test_noise_is_that_of_the_trial(look: Look) -> None:
     case = look("post")
     trials = _trials(case, 8.0)
-    pictures = through_focus(case, trials)
+    pictures = through_focus(case, trials[0])
     first, again = list(pictures(trials)), list(pictures(trials))
     np.testing.assert_array_equal(first, again)
     other = [replace(trial, seed=(*trial.seed, 1)) for trial in trials]

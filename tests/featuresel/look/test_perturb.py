@@ -114,7 +114,7 @@ def test_what_lies_at_any_angle_turns_in_the_trials(look: Look) -> None:
     trials = design(loose, 256, 7)
     assert [replace(t, turns_rad=()) for t in trials] == list(design(case, 256, 7))
     anywhere, near = np.array([t.turns_rad for t in trials]).T
-    # a uniform angle has the mean cosine 0, a normal one cut at 3 sigma .987 sigma
+    # a uniform angle has the mean cosine 0, a normal one cut at 4 sigma its sigma
     assert abs(np.exp(1j * anywhere).mean()) < 4 / math.sqrt(256)
     assert np.std(near) == pytest.approx(0.0987, rel=4 / math.sqrt(2 * 256))
     assert np.abs(near).max() <= 0.3

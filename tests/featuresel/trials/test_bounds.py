@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binom, binomtest, chi2, trim_mean
+from scipy.stats import binom, binomtest, chi2, trim_mean, ttest_1samp
 
 from microplan.featuresel.trials.bounds import (
     Estimate,
     estimate,
     failure_upper,
     freedom,
+    half_width,
+    kurtosis,
     success_lower,
 )
 
@@ -44,11 +46,13 @@ def test_counts_must_fit(count: int, trials: int) -> None:
 
 def test_of_short_tails_all_but_one_value_are_free() -> None:
     rng = np.random.default_rng(1)
-    assert freedom(rng.uniform(size=50)) == 49
-    assert freedom(np.array([1.0, 2.0])) == 1
-    assert freedom(np.zeros(9)) == 8
+    assert freedom(50, kurtosis(rng.uniform(size=50))) == 49
+    assert freedom(2, kurtosis(np.array([1.0, 2.0]))) == 1
+    assert freedom(9, kurtosis(np.zeros(9))) == 8
     # kurtosis of a Laplace distribution is 6: 2 N / (6 - 1) in the limit
-    assert freedom(rng.laplace(size=200_000)) / 200_000 == pytest.approx(0.4, rel=0.05)
+    many = 200_000
+    tails = kurtosis(rng.laplace(size=many))
+    assert freedom(many, tails) / many == pytest.approx(0.4, rel=0.05)
 
 
 def test_a_sigma_bound_of_short_tails_is_the_chi_square_one() -> None:
@@ -103,7 +107,14 @@ def test_freedom_is_that_of_the_kurtosis_about_a_trimmed_mean(count: int) -> Non
     values = np.random.default_rng(count).standard_t(4, count)
     middle = trim_mean(values, min(0.5 / np.sqrt(count - 4), 0.49))
     fourth = count * ((values - middle) ** 4).sum()
-    kurtosis = fourth / ((values - values.mean()) ** 2).sum() ** 2
-    excess = kurtosis - (count - 3) / (count - 1)
+    tails = fourth / ((values - values.mean()) ** 2).sum() ** 2
+    excess = tails - (count - 3) / (count - 1)
     expected = max(1.0, min(count - 1.0, 2 * count / excess))
-    assert freedom(values) == pytest.approx(expected, rel=1e-12)
+    assert kurtosis(values) == pytest.approx(tails, rel=1e-12)
+    assert freedom(count, tails) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_half_width_of_a_mean_is_that_of_students_interval() -> None:
+    values = np.random.default_rng(4).normal(1.0, 2.0, 40)
+    low, high = ttest_1samp(values, 0.0).confidence_interval(0.95)
+    assert half_width(_sure(values)) == pytest.approx((high - low) / 2, rel=1e-9)

@@ -83,6 +83,25 @@ def test_ranges_of_looks_are_those_found_by_trying_all(
     assert max(steps[:2]) < min(steps[2:])
 
 
+def test_a_few_draws_show_how_far_and_all_are_made_there(look: Look) -> None:
+    """The last drift is the one of all draws at every drift, for fewer images."""
+    case, ready = look("post"), prepare(look("post"), [("circle_caliper",)])
+    search = ToleranceSearch(case=case, prepared=ready, root_seed=3, draws=8)
+    farther, asked = Direction("zoom", 1), []
+
+    def passes(outcome: Outcome) -> bool:
+        asked.append(outcome.trial)
+        return abs(outcome.distance_um) < (0.35 if outcome.trial > 5 else 0.5)
+
+    found = search.reached(farther, passes)
+    few = len(asked)
+    # judged together, too, they are all made at every drift
+    whole = search.reached(farther, passes, lambda _drift, _outcomes: True)
+    assert found.drift == whole.drift > 0
+    assert few < len(asked) - few
+    assert set(asked[:few]) == set(range(8))
+
+
 def test_no_draw_is_made_after_one_that_does_not_pass(look: Look) -> None:
     case, ready = look("post"), prepare(look("post"), [("circle_caliper",)])
     search = ToleranceSearch(case=case, prepared=ready, root_seed=3, draws=3)

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import binom
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.insert_budget import LateralResidual, share_of_goal
-from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.insertion import Insertion, LateralResidual
 from microplan.planner.budget.placement import PlacementContext
 from microplan.planner.budget.placement_budget import (
     angle_error,

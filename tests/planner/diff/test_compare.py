@@ -156,7 +156,7 @@ EDITS: tuple[Edit, ...] = (
      "steps/find_gear/looks/find_gear/view/magnification", ""),
     ("choice", lambda d: step(d, "over_shaft")["control"].update(gain=0.7),
      "steps/over_shaft/control/gain", ""),
-    ("prediction", lambda d: look(d, "find_gear")["measure"].update(sigma_xy_um=0.1),
+    ("prediction", lambda d: look(d, "find_gear")["measure"].update(sigma_xy_um=0.01),
      "steps/find_gear/looks/find_gear/measure/sigma_xy_um", "better"),
     ("prediction", lambda d: look(d, "find_gear")["measure"].update(sigma_xy_um=1.0),
      "steps/find_gear/looks/find_gear/measure/sigma_xy_um", "worse"),

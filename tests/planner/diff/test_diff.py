@@ -11,7 +11,7 @@ from microplan.planner.cli.main import main
 from microplan.planner.diff.changes import KINDS
 from tests.planner.diff.test_compare import TEXT, Data, look
 
-BOTH = "P(success) 0.9932 in both, feasible in both"
+BOTH = "P(success) 0.9967 in both, feasible in both"
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_differences_are_listed_by_kind(
         "  find_gear/looks/find_gear/view/magnification: 6.9 x became 9 x (+30.4 %)",
     ]
     assert lines[5] == "prediction"
-    assert lines[6].startswith("  find_gear/looks/find_gear/measure/sigma_xy_um: 0.3")
+    assert lines[6].startswith("  find_gear/looks/find_gear/measure/sigma_xy_um: 0.06")
     assert lines[6].endswith(", worse")
     assert lines[7:] == ["", BOTH]
 
@@ -105,7 +105,7 @@ def test_causes_stand_before_what_follows_and_alike_stands_together(
     assert alike[1].startswith("    find_gear/looks/find_gear/effects/")
     assert alike[3:] == [
         "", f"{count - 2} not listed; --all shows them",
-        "P(success) 0.9932 before, 0.7000 now, feasible before, infeasible now",
+        "P(success) 0.9967 before, 0.7000 now, feasible before, infeasible now",
     ]  # fmt: skip
     assert main(["diff", *stricter, "--all"]) == 1
     lines = capsys.readouterr().out.splitlines()

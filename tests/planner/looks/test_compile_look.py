@@ -117,7 +117,7 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     effects = CompileContext(effort=effort, max_image_error=0.01, map=counted)
     low, _ = task.workcell.optics.magnification
     view, *_ = views(task, request, low, report)
-    look_at_first(task, replace(request, tolerance_um=0.05), effects, view, begun)
+    look_at_first(task, replace(request, tolerance_um=0.02), effects, view, begun)
     (other,) = begun.others.values()
     assert len(other.known.outcomes.all()) >= 8
 

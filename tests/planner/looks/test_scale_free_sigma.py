@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from microplan.featuresel.look.design import design
+from microplan.featuresel.look.design import random_design
 from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.repeatability import Repeated
 from microplan.featuresel.trials.score import ChainScore, score_chain
 from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.planner.assembly.step_states import unfold
@@ -48,7 +49,9 @@ def answered(tried: Evaluation, noise_um: np.ndarray, scale: float = 1.0) -> Eva
     """Return answers that err by a trial's zoom, as far as `scale` says, and noise."""
     place = np.array([tried.case.x_um, tried.case.y_um])
     outcomes = []
-    for trial, more in zip(design(tried.case, COUNT, SEED), noise_um, strict=True):
+    for trial, more in zip(
+        random_design(tried.case, COUNT, SEED), noise_um, strict=True
+    ):
         x, y = scale * (trial.magnification - 1) * place + more
         outcomes.append(
             Outcome(
@@ -73,15 +76,25 @@ def scored(tried: Evaluation) -> ChainScore:
     return score_chain(tried.case, CHAIN, tried.comparison.outcomes, 1.0)
 
 
+def without_scale_um(tried: Evaluation) -> float:
+    outcomes = tried.comparison.outcomes
+    repeated = Repeated(outcomes=outcomes, scores=(scored(tried),))
+    return sigma_without_scale_um(tried, repeated, CHAIN, SEED)
+
+
 def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Evaluation) -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2))
     found = answered(tried, noise)
-    sigma_um = sigma_without_scale_um(found, scored(found), SEED)
+    sigma_um = without_scale_um(found)
     assert sigma_um == pytest.approx(noise.std(axis=0, ddof=1).max(), rel=1e-12)
-    # 145 um from the axis, 2e-4 of zoom: .029 um, and its corners are at two sigma
-    whole_um = scored(found).sigma_um
+    # one number scales both axes: the farther one has most of it
+    case, whole_um = tried.case, scored(found).sigma_um
     assert whole_um is not None
-    assert math.hypot(sigma_um, 0.029) < whole_um < math.hypot(2 * 0.029, 0.02)
+    scale_um = case.drawn.magnification_sigma * max(abs(case.x_um), abs(case.y_um))
+    # 4 standard errors of a sigma from so many
+    assert whole_um == pytest.approx(
+        math.hypot(scale_um, 0.007), rel=4 / math.sqrt(2 * COUNT)
+    )
 
 
 def test_where_the_scale_does_next_to_nothing_the_spread_is_the_trials(
@@ -89,12 +102,12 @@ def test_where_the_scale_does_next_to_nothing_the_spread_is_the_trials(
 ) -> None:
     near = replace(tried, case=replace(tried.case, x_um=0.0, y_um=0.5))
     found = answered(near, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
-    assert sigma_without_scale_um(found, scored(found), SEED) == math.inf
+    assert without_scale_um(found) == math.inf
 
 
 def test_at_any_angle_and_of_few_answers_it_is_not_known(tried: Evaluation) -> None:
     found = answered(tried, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
     turned = replace(found, case=replace(found.case, theta_any=True))
-    assert sigma_without_scale_um(turned, scored(found), SEED) == math.inf
+    assert without_scale_um(turned) == math.inf
     few = with_outcomes(found, found.comparison.outcomes[:2])
-    assert sigma_without_scale_um(few, scored(found), SEED) == math.inf
+    assert without_scale_um(few) == math.inf

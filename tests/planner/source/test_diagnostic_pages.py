@@ -136,6 +136,7 @@ def _grasp_and_release(folder: Path) -> None:
 PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP501": _see_post,
     "MP602": _grasp_and_release,
+    "MP616": _see_post,
 }
 
 

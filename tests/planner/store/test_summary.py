@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from microplan.planner.store.summary import plan_summary
+from microplan.planner.store.summary import left_out, plan_summary
 from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
 
@@ -33,9 +33,26 @@ def test_what_pictures_may_err_by_names_the_look(golden: Plan) -> None:
     [(0.99996, "> 0.9999"), (1.0, "> 0.9999"), (0.99994, "0.9999"), (0.5, "0.5000")],
 )
 def test_no_chance_is_told_as_certain(golden: Plan, chance: float, told: str) -> None:
-    said = plan_summary(replace(golden, success_probability=chance))
+    plain = replace(golden, success_probability=chance, success_bound=None)
+    said = plan_summary(plain)
     assert f"feasible, P(success) {told}, goal 0.95 (simulated)" in said
-    assert "focus -16..+16 um; P > 0.9999\n" in said  # see_fingers: .999999
+    assert "focus -16..+16 um (12 draws); P > 0.9999\n" in said  # see_fingers: .999999
+
+
+@pytest.mark.parametrize(("goal", "most"), [(0.95, True), (0.8, False), (None, False)])
+def test_the_lower_bound_stands_beside_the_probability(
+    golden: Plan, goal: float | None, most: bool
+) -> None:
+    """With what its trials can show, where that is below the goal."""
+    bound = golden.success_bound
+    assert bound is not None
+    said = plan_summary(replace(golden, success_goal=goal)).splitlines()
+    low = f"at least {bound.success_low:.4f} at 0.95 confidence by 64 random trials"
+    assert low in said[0]
+    assert (f"which show {bound.reachable:.4f} at most" in said[0]) == most
+    assert said[1] == "not in P(success): grasp (may slip)"
+    assert bound.left_out == left_out(golden.steps) == ("grasp (may slip)",)
+    assert bound.success_low <= golden.success_probability
 
 
 def test_a_focus_sweep_that_is_not_in_the_time_is_named(golden: Plan) -> None:

@@ -22,7 +22,7 @@ from microplan.planner.source.diagnostics import (
     render_text,
 )
 from microplan.planner.source.source import parse
-from microplan.planner.task.features import dominant_circle
+from microplan.planner.task.regions.features import dominant_circle
 from tests.planner.drawings.dxf.test_corpus import codes, read
 from tests.planner.drawings.dxf_text import circle, dxf, line, spline
 from tests.planner.examples import change, copy_example

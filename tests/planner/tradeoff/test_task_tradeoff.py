@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from microplan.featuresel.trials.bounds import failure_upper
 from microplan.optics.lens.sensor import Sensor, expose, to_unit
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
@@ -56,7 +55,7 @@ def test_each_way_differs_from_the_tasks_own_in_one_thing() -> None:
         "zoom 6.9", "zoom 13.8",
     ]  # fmt: skip
     assert found[1].effort == PRESETS["fast"]
-    assert found[3].effort == replace(PRESETS["balanced"], trials=24)
+    assert found[3].effort == replace(PRESETS["balanced"], trials=24, random_trials=96)
     assert found[6].of(task).workcell.optics.magnification == (6.9, 6.9)
     assert found[0].of(task) == task
 
@@ -124,11 +123,9 @@ def test_a_plan_is_told_by_its_budget_and_bounds(plan: Plan) -> None:
     found = error_um(plan)
     assert found == pytest.approx(math.hypot(*squares.values()))
     looks = [look for step in plan.steps for look in step.looks]
-    trials = sum(look.evidence.chosen.trials for look in looks)
-    bound = 1 - failure_upper(0, trials)
-    assert success_lower(plan) == pytest.approx(
-        plan.success_probability * bound ** len(looks)
-    )
+    assert plan.success_bound is not None
+    assert success_lower(plan) == plan.success_bound.success_low
+    assert success_lower(replace(plan, success_bound=None)) is None
     # an alignment's approach and looks are its control's, the first one among them
     servos = [step.control for step in plan.steps if step.control is not None]
     once = [look for step in plan.steps if step.control is None for look in step.looks]

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline, Ring, flatten, place
 from microplan.planner.drawings.rings import canonical
-from microplan.planner.task.features import NotFoundError, teeth
+from microplan.planner.task.regions.features import NotFoundError, teeth
 from microplan.planner.task.regions.symmetry import symmetry_order
 from microplan.planner.task.regions.teeth import teeth_of
 from tests.planner.chips import cross, rectangle, slot
+from tests.planner.task.regions.test_features import gear
 from tests.planner.task.regions.test_symmetry import circle, polygon
-from tests.planner.task.test_features import gear
 
 
 @settings(max_examples=25, deadline=None)

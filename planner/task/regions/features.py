@@ -142,6 +142,12 @@ def dominant_circle(ring: Ring) -> DominantCircle | None:
     return None
 
 
+def is_round(outline: Outline) -> bool:
+    """Return whether the first ring is a whole circle, as arcs or as a polygon."""
+    found = dominant_circle(outline.rings[0])
+    return found is not None and all(found.on)
+
+
 def _frequent(arcs: Sequence[Arc], least_um: float) -> Iterator[Arc]:
     """Yield the arcs about whose circle there is enough length of others.
 

@@ -17,12 +17,12 @@ from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment, 
 from microplan.planner.drawings.dxf.drawing import take
 from microplan.planner.drawings.rings import canonical
 from microplan.planner.source.diagnostics import Report, Span
-from microplan.planner.task import features
-from microplan.planner.task.features import NotFoundError
 from microplan.planner.task.read_task import load_task
+from microplan.planner.task.regions import features
+from microplan.planner.task.regions.features import NotFoundError
 from tests.planner.drawings.reading import open_drawing
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "gear_on_shaft"
 
 
 def polar(radius: float, angle_rad: float) -> Point:

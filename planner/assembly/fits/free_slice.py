@@ -1,0 +1,180 @@
+"""Places at which a peg, at one angle, lies inside a hole.
+
+The hole eroded by the peg. Between the hole's convex hull and the peg's the half planes
+of the hull's edges leave a convex polygon; of that, the sums of every other edge of the
+hole with every convex piece of the mirrored peg are taken away, and what is left counts
+where a point of the peg is inside the hole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from microplan.arrays import FloatArray
+from microplan.planner.assembly.fits.convex_cover import convex_cover
+from microplan.planner.assembly.fits.half_planes import clipped, common_polygon
+
+NOWHERE = Polygon()
+# Corners of the hole this close to its hull are on it, as a share of its size.
+ON_HULL = 1e-9
+# Places are rounded to this share of the room where exact ones cannot be ordered.
+GRID = 1e-9
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A hole, with the edges that are not on its hull."""
+
+    polygon: Polygon  # what stands in it is an interior
+
+    @cached_property
+    def hull(self) -> tuple[FloatArray, FloatArray]:
+        """Return normals, (N, 2) by rising angle, and reaches, (N,), of the hull."""
+        hull = shapely.remove_repeated_points(self.polygon.convex_hull)
+        points = shapely.get_coordinates(shapely.orient_polygons(hull))[:-1]
+        steps = np.roll(points, -1, axis=0) - points
+        normals = np.column_stack([steps[:, 1], -steps[:, 0]])
+        normals /= np.hypot(*normals.T)[:, None]
+        order = np.argsort(np.arctan2(normals[:, 1], normals[:, 0]))
+        return normals[order], (normals * points).sum(axis=1)[order]
+
+    @cached_property
+    def inner_edges(self) -> tuple[FloatArray, FloatArray]:
+        """Return where the edges that are not on the hull begin and end, (N, 2) um."""
+        rings = (self.polygon.exterior, *self.polygon.interiors)
+        points = [shapely.get_coordinates(ring) for ring in rings]
+        starts = np.concatenate([ring[:-1] for ring in points])
+        ends = np.concatenate([ring[1:] for ring in points])
+        normals, reaches = self.hull
+        slack = ON_HULL * np.abs(reaches).max()
+        on = [reaches - side @ normals.T < slack for side in (starts, ends)]
+        inner = ~(on[0] & on[1]).any(axis=1)
+        return starts[inner], ends[inner]
+
+
+@dataclass(frozen=True)
+class Peg:
+    """A peg without holes, in its own frame."""
+
+    points: FloatArray  # (N, 2) um, in order
+
+    @cached_property
+    def pieces(self) -> tuple[FloatArray, ...]:
+        """Return convex pieces that together are the peg, (M, 2) um each."""
+        return convex_cover(self.points)
+
+
+def free_slice(hole: Opening, peg: Peg, theta_rad: float) -> BaseGeometry:
+    """Return the places of the peg's origin at which it does not leave the hole.
+
+    Parameters
+    ----------
+    hole : Opening
+        In its own frame, um.
+    peg : Peg
+        In its own frame, um.
+    theta_rad : float
+        Angle of the peg in the frame of the hole.
+
+    Returns
+    -------
+    Polygon or MultiPolygon
+        Exact for polygons; empty where no place is free, or only a line of them.
+    """
+    if hole.polygon.is_empty:
+        return NOWHERE
+    turn = _turn(theta_rad)
+    normals, reaches = hole.hull
+    farthest = (normals @ (peg.points @ turn.T).T).max(axis=1)
+    corners = common_polygon(normals, reaches - farthest)
+    if corners is None:
+        return NOWHERE
+    room = Polygon(corners)
+    starts, ends = hole.inner_edges
+    if not len(starts):
+        return room
+    turned = [piece @ turn.T for piece in peg.pieces]
+    taken = [body for piece in turned for body in _taken(starts, ends, piece, room)]
+    left = _without(room, taken) if taken else room
+    x, y = turned[0].mean(axis=0)  # a point of the peg
+    inside = [part for part in shapely.get_parts(left) if _holds(hole, part, x, y)]
+    return shapely.union_all(inside) if inside else NOWHERE
+
+
+def _without(room: Polygon, bodies: Sequence[BaseGeometry]) -> BaseGeometry:
+    """Return a room without bodies; where rounding defeats that, on a fine grid."""
+    try:
+        return room.difference(shapely.union_all(bodies))
+    except shapely.GEOSException:
+        x0, y0, x1, y1 = room.bounds
+        grid_um = GRID * max(x1 - x0, y1 - y0)
+        taken = shapely.union_all(bodies, grid_size=grid_um)
+        return shapely.difference(room, taken, grid_size=grid_um)
+
+
+def _turn(theta_rad: float) -> FloatArray:
+    """Return a rotation, (2, 2)."""
+    c, s = math.cos(theta_rad), math.sin(theta_rad)
+    return np.array([[c, -s], [s, c]])
+
+
+def _taken(
+    starts: FloatArray, ends: FloatArray, piece: FloatArray, room: Polygon
+) -> list[BaseGeometry]:
+    """Return the places in the box of a room at which a piece touches the edges.
+
+    The sum of an edge and a convex piece is what half planes across the edges of both
+    have in common. Of those only the ones that cut the box are needed.
+    """
+    x0, y0, x1, y1 = room.bounds
+    box = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    near = (low - piece.max(axis=0) < (x1, y1)).all(axis=1)
+    near &= (high - piece.min(axis=0) > (x0, y0)).all(axis=1)
+    starts, ends = starts[near], ends[near]
+    if not len(starts):
+        return []
+    sides = _normals(piece - np.roll(piece, -1, axis=0))  # of the mirrored piece
+    own = (sides * -piece).sum(axis=1)
+    reaches = own + np.maximum(starts @ sides.T, ends @ sides.T)
+    planes = [(np.broadcast_to(sides, (len(starts), *sides.shape)), reaches)]
+    across = _normals(ends - starts)
+    for normals in (across, -across):
+        along = np.maximum((starts * normals).sum(axis=1), (ends * normals).sum(axis=1))
+        far = (normals @ -piece.T).max(axis=1)
+        planes.append((normals[:, None], (along + far)[:, None]))
+    normal = np.concatenate([found[0] for found in planes], axis=1)
+    reach = np.concatenate([found[1] for found in planes], axis=1)
+    beyond = np.einsum("nmk,ck->nmc", normal, np.array(box)) > reach[..., None]
+    clear, cut = beyond.all(axis=2).any(axis=1), beyond.any(axis=2)
+    found: list[BaseGeometry] = []
+    for k in np.flatnonzero(~clear):
+        body = clipped(box, normal[k][cut[k]].tolist(), reach[k][cut[k]].tolist())
+        if len(body) > 2:
+            found.append(shapely.MultiPoint(body).convex_hull)  # valid, rounded or not
+    return [body for body in found if body.geom_type == "Polygon"]
+
+
+def _normals(steps: FloatArray) -> FloatArray:
+    """Return unit normals to the right of steps, (N, 2)."""
+    length = np.maximum(np.hypot(*steps.T), 1e-300)[:, None]
+    normals: FloatArray = np.column_stack([steps[:, 1], -steps[:, 0]]) / length
+    return normals
+
+
+def _holds(hole: Opening, part: BaseGeometry, x: float, y: float) -> bool:
+    """Return whether the peg is inside the hole, not outside of it, at its places."""
+    if part.geom_type != "Polygon" or part.is_empty:
+        return False
+    place = part.representative_point()
+    if place.is_empty:  # too thin for a point inside
+        return False
+    return bool(shapely.contains_xy(hole.polygon, place.x + x, place.y + y))

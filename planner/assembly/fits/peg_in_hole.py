@@ -1,0 +1,255 @@
+"""Slices of the free region of a peg in a hole, sizes as fabricated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from microplan.arrays import FloatArray, IntArray
+from microplan.optics.outline.offset import offset
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, chords
+from microplan.planner.assembly.fits.free_slice import Opening, Peg, free_slice
+
+# Largest distance of an arc from its chord, as shares of the hole's size and of the
+# clearance; in the mean it is 0.
+CHORD_SHARES = (5e-5, 4e-4)
+CHORD_OF_CLEARANCE = 0.005
+KEPT = 4  # fits whose slices are kept, a few MB each
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PegInHole:
+    """A planar peg and the ring that it goes into, each about its reference point."""
+
+    hole: Outline  # its material is outside: one clockwise ring
+    peg: Outline  # one counter-clockwise ring
+    angle_rad: float = 0.0  # of the peg in the hole's frame, as planned
+
+    def __post_init__(self) -> None:
+        if not len(self.hole.rings) == len(self.peg.rings) == 1:
+            raise ValueError("a hole is one ring and a peg is one ring")
+        if self.hole.area_um2 >= 0 or self.peg.area_um2 <= 0:
+            raise ValueError("the ring of a hole is clockwise, that of a peg is not")
+
+    @property
+    def reach_um(self) -> float:
+        """Return the distance from its origin to the peg's farthest point."""
+        return float(np.hypot(*ring_points(self.peg.rings[0], self.chord_um).T).max())
+
+    @property
+    def peg_radius_um(self) -> float | None:
+        """Return the radius of a peg that is a whole circle, None of another one."""
+        first = self.peg.rings[0].edges[0]
+        round_peg = isinstance(first, Arc) and is_whole_circle(self.peg.rings[0])
+        return first.radius_um if isinstance(first, Arc) and round_peg else None
+
+    @property
+    def size_um(self) -> float:
+        """Return the diagonal of the hole's box."""
+        x0, y0, x1, y1 = self.hole.bounds_um
+        return math.hypot(x1 - x0, y1 - y0)
+
+    @property
+    def chord_um(self) -> float:
+        """Return how far an arc's chord may be from it."""
+        radii = [math.sqrt(abs(o.area_um2) / math.pi) for o in (self.hole, self.peg)]
+        least, most = (share * self.size_um for share in CHORD_SHARES)
+        return min(max(CHORD_OF_CLEARANCE * abs(radii[0] - radii[1]), least), most)
+
+    @property
+    def turns_freely(self) -> bool:
+        """Return whether the angle is of no matter: hole or peg is a whole circle.
+
+        About its reference point; of the other one the slice turns with it.
+        """
+        return any(is_whole_circle(o.rings[0]) for o in (self.hole, self.peg))
+
+
+def is_whole_circle(ring: Ring, about_um: tuple[float, float] = (0.0, 0.0)) -> bool:
+    """Return whether a ring is one circle about a point, as one arc or several."""
+    arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
+    if len(arcs) < len(ring.edges):
+        return False
+    radius_um = arcs[0].radius_um
+    slack_um = 1e-6 * radius_um
+    return all(
+        math.dist(arc.center, about_um) <= slack_um
+        and abs(arc.radius_um - radius_um) <= slack_um
+        for arc in arcs
+    )
+
+
+def ring_points(ring: Ring, chord_um: float) -> FloatArray:
+    """Return the corners of a polygon for a ring of a body's outline, (N, 2) um.
+
+    Between their ends arcs on which the body bulges become polygons of the arc's own
+    length, r a / sin a at half the angle a of a chord: the distances of their tangents
+    are right in the mean. Those on which it is hollow, along which another body slides,
+    become tangents, r / cos a.
+    """
+    return np.concatenate([_edge_points(edge, chord_um) for edge in ring.edges])
+
+
+def _edge_points(edge: Edge, chord_um: float) -> FloatArray:
+    """Return the corners for one edge, without its end, (N, 2) um."""
+    if not isinstance(edge, Arc):
+        return np.array([edge.start])
+    count = chords(edge, chord_um)
+    half = abs(edge.sweep_rad) / count / 2
+    bulges = edge.sweep_rad > 0
+    share = (np.arange(count) + (0.0 if bulges else 0.5)) / count
+    angle = edge.start_rad + share * edge.sweep_rad
+    radius = edge.radius_um * (half / math.sin(half) if bulges else 1 / math.cos(half))
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    points: FloatArray = np.array(edge.center) + radius * unit
+    if not edge.is_circle:
+        points = np.vstack([[edge.start], points[1:] if bulges else points])
+    return points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """Offsets of both edges as fabricated, and how much that counts."""
+
+    hole_um: float  # of the hole's edge, out of the opening
+    peg_um: float  # of the peg's edge, out of the peg
+    weight: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PolygonEdges:
+    """Edges of polygons' rings: outer counter-clockwise, inner clockwise."""
+
+    starts_um: FloatArray  # (E, 2)
+    ends_um: FloatArray  # (E, 2)
+    owner: IntArray  # (E,) which polygon
+    count: int  # of polygons
+
+
+def edges_of(polygons: Sequence[Polygon]) -> PolygonEdges:
+    """Return the edges of polygons."""
+    starts, ends = [np.empty((0, 2))], [np.empty((0, 2))]
+    owner = [np.empty(0, dtype=np.intp)]
+    for index, polygon in enumerate(shapely.orient_polygons(list(polygons))):
+        for ring in (polygon.exterior, *polygon.interiors):
+            points = shapely.get_coordinates(ring)
+            starts.append(points[:-1])
+            ends.append(points[1:])
+            owner.append(np.full(len(points) - 1, index, dtype=np.intp))
+    return PolygonEdges(
+        starts_um=np.concatenate(starts),
+        ends_um=np.concatenate(ends),
+        owner=np.concatenate(owner),
+        count=len(polygons),
+    )
+
+
+Pieces = tuple[Polygon, ...]
+
+
+class Slices:
+    """Slices of one fit at offsets of both edges; those found are kept."""
+
+    def __init__(self, fit: PegInHole) -> None:
+        self.fit = fit
+        self.reach_um = fit.reach_um
+        self._chord_um = fit.chord_um
+        self._openings: dict[float, Opening] = {}
+        self._pegs: dict[float, Peg | None] = {}
+        self._found: dict[tuple[float, float, float], Pieces] = {}
+        self._edges: dict[
+            tuple[float, tuple[Size, ...]], tuple[tuple[Pieces, ...], PolygonEdges]
+        ] = {}
+
+    def at(self, turn_rad: float, hole_um: float = 0.0, peg_um: float = 0.0) -> Pieces:
+        """Return the pieces of the slice at a turn from the planned angle.
+
+        Parameters
+        ----------
+        turn_rad : float
+            Angle of the peg beyond the planned one.
+        hole_um, peg_um : float
+            How far the hole's edge is out of its opening, and the peg's out of the peg.
+
+        Returns
+        -------
+        tuple of Polygon
+            Places of the peg's reference point about the hole's, um in its frame, by
+            falling area.
+        """
+        key = (turn_rad, hole_um, peg_um)
+        if key not in self._found:
+            parts = shapely.get_parts(self._eroded(*key))
+            whole = (p for p in parts if p.geom_type == "Polygon" and p.area > 0)
+            self._found[key] = tuple(sorted(whole, key=lambda p: -p.area))
+        return self._found[key]
+
+    def _eroded(self, turn_rad: float, hole_um: float, peg_um: float) -> BaseGeometry:
+        """Return a slice; what narrows hole or peg's room narrows that of wider ones.
+
+        A body grown by a distance is all that is within it: so of bodies larger than
+        drawn the slice is that of the drawn ones, eroded.
+        """
+        less_um = max(peg_um, 0.0) - min(hole_um, 0.0)
+        if less_um <= 0:
+            return self._slice(turn_rad, hole_um, peg_um)
+        drawn = self.at(turn_rad, max(hole_um, 0.0), min(peg_um, 0.0))
+        return shapely.union_all(shapely.buffer(list(drawn), -less_um, quad_segs=16))
+
+    def capture_um(self, wider_um: float = 0.0) -> float:
+        """Return the distance from the planned place to the edge of its slice, or 0."""
+        middle, pieces = Point(0.0, 0.0), self.at(0.0, wider_um)
+        holding = next((p for p in pieces if p.contains(middle)), None)
+        return 0.0 if holding is None else float(holding.boundary.distance(middle))
+
+    def edges_at(
+        self, turn_rad: float, sizes: tuple[Size, ...]
+    ) -> tuple[tuple[Pieces, ...], PolygonEdges]:
+        """Return the pieces of each size's slice, and the edges of all of them."""
+        key = (turn_rad, sizes)
+        if key not in self._edges:
+            found = tuple(self.at(turn_rad, s.hole_um, s.peg_um) for s in sizes)
+            self._edges[key] = found, edges_of([p for each in found for p in each])
+        return self._edges[key]
+
+    def _slice(self, turn_rad: float, hole_um: float, peg_um: float) -> BaseGeometry:
+        """Return a slice; a peg that vanishes goes anywhere in the hole."""
+        if hole_um not in self._openings:
+            self._openings[hole_um] = Opening(self._grown(self.fit.hole, -hole_um))
+        if peg_um not in self._pegs:
+            body = self._grown(self.fit.peg, peg_um)
+            points = shapely.get_coordinates(body.exterior)[:-1]
+            self._pegs[peg_um] = Peg(points) if len(points) else None
+        opening, peg = self._openings[hole_um], self._pegs[peg_um]
+        if peg is None:
+            return opening.polygon
+        return free_slice(opening, peg, self.fit.angle_rad + turn_rad)
+
+    def _grown(self, outline: Outline, distance_um: float) -> Polygon:
+        """Return the polygon of a ring whose material grows by a distance.
+
+        Edges keep their form where they can; where some vanish, the polygon is taken.
+        """
+        try:
+            ring = offset(outline, distance_um).rings[0]
+            return Polygon(ring_points(ring, self._chord_um))
+        except ValueError:
+            ring = outline.rings[0]
+            body = Polygon(ring_points(ring, self._chord_um))
+            inward = ring.signed_area_um2 < 0
+            found = body.buffer(-distance_um if inward else distance_um, quad_segs=32)
+            parts = [p for p in shapely.get_parts(found) if p.geom_type == "Polygon"]
+            return max(parts, key=lambda part: part.area, default=Polygon())
+
+
+@lru_cache(maxsize=KEPT)
+def slices_of(fit: PegInHole) -> Slices:
+    """Return the slices of a fit, those found before among them."""
+    return Slices(fit)

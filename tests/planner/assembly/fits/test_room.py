@@ -1,0 +1,96 @@
+"""Room of a peg in its hole, against what drawings say at a glance."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from benchmarks.compiling.outline_shapes import (
+    box,
+    chain,
+    closed,
+    d_shape,
+    hollow,
+    keyed,
+    slot,
+)
+from microplan.optics.outline.outline import Arc, Outline
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole
+from microplan.planner.assembly.fits.room import (
+    angle_elsewhere_rad,
+    capture_um,
+    clearance_um,
+    free_angles_rad,
+    overlap_of,
+)
+
+
+def circle(radius: float) -> Outline:
+    return chain(
+        [Arc(center=(0, 0), radius_um=radius, start_rad=0, sweep_rad=math.tau)]
+    )
+
+
+def fit(hole: Outline, peg: Outline, angle_rad: float = 0.0) -> PegInHole:
+    return PegInHole(hole=hollow(hole), peg=peg, angle_rad=angle_rad)
+
+
+def test_a_post_of_sixty_does_not_go_past_a_flat_at_twenty() -> None:
+    found = fit(d_shape(33.0, 20.0), circle(30.0))
+    overlap = overlap_of(found)
+    assert overlap is not None
+    assert overlap.depth_um == pytest.approx(10.0, abs=0.01)
+    assert overlap.at_um == pytest.approx((30.0, 0.0), abs=0.6)  # of 60 chords or more
+    # 53 um between the flat and the other side
+    assert clearance_um(found) == pytest.approx(-7.0, abs=0.02)
+    assert capture_um(found) == 0.0
+    assert angle_elsewhere_rad(found) is None
+
+
+@pytest.mark.parametrize(
+    ("hole", "peg"),
+    [
+        (keyed(33.0, 20.0, 8.0), circle(30.0)),  # a key inside the bore
+        (circle(33.0), keyed(30.0, 38.0, 8.0)),  # a key outside the post
+    ],
+)
+def test_a_key_without_a_keyway_overlaps(hole: Outline, peg: Outline) -> None:
+    found = fit(hole, peg)
+    overlap = overlap_of(found)
+    assert overlap is not None
+    assert overlap.depth_um > 3  # half the key's width at the least, less its corners
+    assert capture_um(found) == 0.0
+    assert angle_elsewhere_rad(found) is None
+
+
+def test_round_pegs_have_exact_capture_radii() -> None:
+    # the notch of the gear's bore is outside its circle
+    assert capture_um(fit(keyed(25.0, 30.0, 6.0), circle(22.0))) == pytest.approx(3.0)
+    assert capture_um(fit(box(30, 24), circle(22.0))) == pytest.approx(2.0)
+    assert capture_um(fit(box(30, 24), circle(22.0)), -0.5) == pytest.approx(1.5)
+    assert capture_um(fit(slot(5, 23.0), circle(22.0))) == pytest.approx(1.0)
+
+
+def test_a_bar_turns_until_its_corners_touch() -> None:
+    found = fit(box(100.0, 12.0), box(30.0, 10.0))
+    back, forth = free_angles_rad(found)
+    # 30 sin t + 10 cos t = 12
+    turn = math.asin(12 / math.hypot(30, 10)) - math.atan2(10, 30)
+    assert (back, forth) == pytest.approx((-turn, turn), rel=0.02)
+    assert clearance_um(found) == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_key_is_found_where_its_keyway_is() -> None:
+    found = fit(keyed(33.0, 40.0, 10.0), keyed(30.0, 38.0, 8.0), angle_rad=1.0)
+    assert overlap_of(found) is not None
+    turn = angle_elsewhere_rad(found)
+    assert turn is not None
+    assert turn == pytest.approx(-1.0, abs=0.15)  # it has some play there
+    assert overlap_of(fit(keyed(33.0, 40.0, 10.0), keyed(30.0, 38.0, 8.0))) is None
+
+
+def test_what_is_too_large_all_round_lacks_room() -> None:
+    triangle = closed([(-10, -8), (10, -8), (0, 12)])
+    assert clearance_um(fit(box(5, 5), triangle)) < 0
+    assert overlap_of(fit(box(15, 15), triangle)) is None

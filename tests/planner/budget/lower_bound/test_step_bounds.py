@@ -1,0 +1,126 @@
+"""The worst corner of the biases against closed forms and against draws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import ncx2
+
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.lower_bound.bounded_history import (
+    bias_rad,
+    bias_um,
+    bounded,
+)
+from microplan.planner.budget.lower_bound.sample_bounds import sigma_factor
+from microplan.planner.budget.lower_bound.step_bounds import worst_miss
+from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
+from microplan.schemas.plan import BudgetRow, Repeatability
+from tests.planner.placed import look
+
+CAPTURE_UM = 3.0
+NONE = Residual(sigma_um=0.0, within_um=0.0)
+# probabilities are averaged to this over the wide axis of the errors
+CLOSE = 2e-5
+
+
+def insertion(
+    sigma_um: float,
+    along_um: float = 0.0,
+    *,
+    offset_um: float = 0.0,
+    residual: Residual = NONE,
+) -> Insertion:
+    return Insertion(
+        fit=RoundFit(
+            hole_um=22.0 + CAPTURE_UM, shaft_um=22.0, hole_tolerance_um=0.0,
+            shaft_tolerance_um=0.0,
+        ),
+        residual=residual,
+        blind=(
+            BudgetRow(term="round", sigma_um=sigma_um, source=""),
+            BudgetRow(term="along", sigma_um=along_um, source="", along_rad=0.4),
+        ),
+        offset_um=offset_um,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("offset_um", "biased_um"), [(0.0, 0.7), (1.1, 0.7)])
+def test_a_bias_of_round_errors_is_a_rice_law_away(
+    offset_um: float, biased_um: float
+) -> None:
+    """The worst bias beside an offset is along it."""
+    found = worst_miss(insertion(0.9, offset_um=offset_um), biased_um, 0.0)
+    far = (offset_um + biased_um) / 0.9
+    assert found == pytest.approx(ncx2.sf((CAPTURE_UM / 0.9) ** 2, 2, far**2))
+
+
+def test_a_bias_across_an_offset_counts_where_that_is_worse() -> None:
+    """Errors lie along one line, at an angle to the offset; drawn in 16 directions."""
+    job = insertion(0.05, 1.2, offset_um=0.5)
+    rng = np.random.default_rng(2)
+    errors = rng.normal(0, 0.05, (400_000, 2))
+    errors += rng.normal(0, 1.2, (400_000, 1)) * [math.cos(0.4), math.sin(0.4)]
+    drawn = [
+        np.mean(np.hypot(*(errors + [0.5 + math.cos(w), math.sin(w)]).T) > CAPTURE_UM)
+        for w in np.linspace(0, 2 * math.pi, 17)
+    ]
+    worst = max(drawn)
+    error = 4 * math.sqrt(worst * (1 - worst) / len(errors))
+    found = worst_miss(job, 1.0, 1.0)
+    # eight directions come within pi / 8 of the worst: 8 % of the bias along it
+    less = worst_miss(job, math.cos(math.pi / 8), 0.0)
+    assert less - error <= worst <= found + error + (found - less)
+
+
+def test_alignments_that_end_at_once_have_the_bias_of_their_approach() -> None:
+    later = insertion(0.6, residual=Residual(sigma_um=0.4, within_um=1.0))
+    early = Residual(sigma_um=0.9, within_um=1.0)
+    job = replace(later, early=(0.25, early))
+    expected = 0.25 * worst_miss(replace(later, residual=early), 0.8, 0.0)
+    expected += 0.75 * worst_miss(later, 0.2, 0.0)
+    assert worst_miss(job, 0.2, 0.8) == pytest.approx(expected)
+
+
+@settings(max_examples=40)
+@given(
+    sigma_um=st.floats(0.05, 3),
+    along_um=st.floats(0, 3),
+    offset_um=st.one_of(st.just(0.0), st.floats(0.01, 4)),
+    bias=st.floats(0, 4),
+)
+def test_no_bias_makes_a_miss_rarer_and_a_longer_one_none_rarer(
+    sigma_um: float, along_um: float, offset_um: float, bias: float
+) -> None:
+    job = insertion(sigma_um, along_um, offset_um=offset_um)
+    misses = [worst_miss(job, share * bias, 0.0) for share in (0.0, 0.5, 1.0)]
+    assert misses[0] == job.miss
+    assert misses[0] <= misses[1] + CLOSE <= misses[2] + 2 * CLOSE
+
+
+KNOWN = Repeatability(
+    trials=64, answered=60, undetected=0, sigma_um=(0.03, 0.03), kurtosis=4.0,
+    half_width_um=(0.003, 0.004), kurtosis_theta=3.0, bias_theta_rad=-0.002,
+    half_width_theta_rad=0.001,
+)  # fmt: skip
+
+
+def test_only_what_was_measured_has_an_end() -> None:
+    seen = replace(
+        look("part", "see", 0.05, sigma_theta_rad=0.01), moved_um=0.04,
+        sigma_without_scale_um=math.inf,
+    )  # fmt: skip
+    assert bounded(seen, 0.01) == seen  # how well it is known is not known
+    assert (bias_um(seen, 0.01), bias_rad(None, 0.01)) == (0.0, 0.0)
+    known = replace(seen, repeatability=KNOWN)
+    end, factor = bounded(known, 0.01), sigma_factor(60, 4.0, 0.01)
+    assert end.sigma_um == pytest.approx(math.hypot(0.04, 0.03 * factor))
+    assert end.sigma_without_scale_um == math.inf
+    assert end.sigma_theta_rad == pytest.approx(0.01 * sigma_factor(60, 3.0, 0.01))
+    assert bias_um(known, 0.05) == pytest.approx(0.005)
+    assert bias_rad(known, 0.05) == pytest.approx(0.003)
