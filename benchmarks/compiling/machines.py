@@ -119,7 +119,7 @@ def measure(_options: Options) -> Iterator[Figure]:
 def nearest(found: Sequence[Row]) -> float:
     """Return how near any use of a tolerance comes to what is decided by it.
 
-    Relative: to all of the tolerance, to `Limits.roomy` of it, and to being
+    Relative: to all of the tolerance, to `Limits.margin_share` of it, and to being
     `Limits.better` times that of another chain of its look.
     """
     limits = Constraints(tolerance_um=1.0, tolerance_theta_rad=None).limits

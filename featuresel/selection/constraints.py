@@ -62,9 +62,8 @@ class Limits:
 
     success: float = 0.98  # observed; the rest fails detectably and is retried
     silent_upper: float = 0.01  # or no silent failure at all, where trials are few
-    better: float = 1.5  # a more expensive chain must be this much more accurate ...
-    # ... and the cheaper one use more than this of the tolerance
-    margin_share: float = 0.5
+    margin_share: float = 0.5  # of a tolerance: the cheapest chain within it is taken
+    better: float = 1.5  # where none is, a more expensive one must be this much finer
     cost: float = math.inf  # of one fix, in 640 x 480 box filters
     # of the target's edges, in view and nothing in front: a quarter of a circle tells
     # its centre 16 times worse along its bisector than all of it, the radius free

@@ -40,11 +40,12 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     rightly in at least `limits.success` of the trials, has no silent failure (or an
     upper bound below `limits.silent_upper`), gives the angle where that is needed, 2
     sigma + |bias| stays within each tolerance, and it costs no more than `limits.cost`.
-    Of those the cheapest is taken, the first by name among equals, unless it uses more
-    than `limits.margin_share` of a tolerance and a more expensive one is
-    `task.limits.better` times more accurate. Numbers within the margin of
-    `microplan.optics.outline.tolerant_order` are equal. The fallback is taken alike
-    from the passing chains of the greatest `independence` of the chosen one.
+    Of those the cheapest that uses at most `limits.margin_share` of each tolerance is
+    taken, the first by name among equals. Where none leaves that much, it is the
+    cheapest, unless a more expensive one is `task.limits.better` times more accurate.
+    Numbers within the margin of `microplan.optics.outline.tolerant_order` are equal.
+    The fallback is taken alike from the passing chains of the greatest `independence`
+    of the chosen one.
 
     Parameters
     ----------
@@ -79,12 +80,12 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
 def _best(scores: Sequence[ChainScore], task: Constraints) -> ChainScore | None:
     """Return the cheapest that leaves room, by the rule of `select`."""
     chosen: ChainScore | None = None
-    limits = task.limits
     for score in by_cost(scores):
-        if chosen is None:
-            chosen = score
-        tight = above(task.use(chosen), limits.margin_share)
-        if tight and above(task.use(chosen), limits.better * task.use(score)):
+        if task.has_margin(score):
+            return score
+        if chosen is None or above(
+            task.use(chosen), task.limits.better * task.use(score)
+        ):
             chosen = score
     return chosen
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from microplan.arrays import FloatArray, Point
 from microplan.optics.outline.outline import (
@@ -251,14 +250,18 @@ def _check_clear(old: Outline, new: Outline, distance_um: float) -> None:
     points = np.concatenate([_along(edge) for ring in new.rings for edge in ring.edges])
     edges = [edge for ring in old.rings for edge in ring.edges]
     least = distance_um - _SLACK_UM
-    boxes = np.array([edge_bounds(edge) for edge in edges])
-    middles = (boxes[:, :2] + boxes[:, 2:]) / 2
-    reaches = np.hypot(*(boxes[:, 2:] - boxes[:, :2]).T) / 2 + distance_um
-    close = cKDTree(points).query_ball_point(middles, reaches)
-    for edge, which in zip(edges, close, strict=True):
-        near = _distance(points[which], edge)
+    points = points[np.argsort(points[:, 0], kind="stable")]
+    for edge in edges:
+        low, high = np.array(edge_bounds(edge)).reshape(2, 2)
+        first, last = np.searchsorted(
+            points[:, 0], (low[0] - distance_um, high[0] + distance_um)
+        )
+        beside = points[first:last]
+        beside = beside[np.abs(beside[:, 1] - (low[1] + high[1]) / 2)
+                        <= (high[1] - low[1]) / 2 + distance_um]  # fmt: skip
+        near = _distance(beside, edge)
         if not (near >= least).all():
-            x, y = points[which][int(np.argmin(near))]
+            x, y = beside[int(np.argmin(near))]
             raise ValueError(
                 f"a wall or gap at ({x:.6g}, {y:.6g}) um is narrower than twice the "
                 f"offset of {distance_um} um"

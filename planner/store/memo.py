@@ -118,10 +118,17 @@ def sources() -> str:
     found = hashlib.sha256(sys.version.encode())
     for name in _LIBRARIES:
         found.update(f"{name} {version(name)}".encode())
-    packages = {"microplan": "*.py"} | {f"microplan.{p}": "**/*.py" for p in PACKAGES}
+    for root, file in source_files():
+        found.update(file.relative_to(root).as_posix().encode() + b"\0")
+        found.update(hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()
+
+
+def source_files() -> Iterator[tuple[Path, Path]]:
+    """Yield each package's folder with each of its files that results come from."""
+    packages = {"microplan": "*"} | {f"microplan.{p}": "**/*" for p in PACKAGES}
     for package, pattern in packages.items():
         root = Path(str(importlib.import_module(package).__file__)).parent
         for file in sorted(root.glob(pattern)):
-            found.update(file.relative_to(root).as_posix().encode() + b"\0")
-            found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()
+            if file.suffix in (".py", ".json"):  # code, and the schemas beside it
+                yield root, file

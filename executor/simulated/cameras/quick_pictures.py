@@ -1,7 +1,7 @@
-"""Quick pictures: the compiler's own renderer, for tests of the flow of control only.
+"""Quick pictures: flat top faces by the compiler's own renderer.
 
-They say nothing about images, sigmas or probabilities: what draws them is what they
-would have to judge.
+What draws them is what they would have to judge: of images, and of what depends on
+them, they show no mistake that the compiler shares.
 """
 
 from __future__ import annotations

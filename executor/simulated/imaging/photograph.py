@@ -71,7 +71,7 @@ def photograph(
     window : PixelWindow or None
         Part of the frame; None: all of it. It may reach beyond the frame.
     sampling : RaySampling or None
-        How finely; None: so that the error is at most .001 rms.
+        How finely; None: two patterns of rays differ by some .001 rms on the example.
 
     Returns
     -------

@@ -223,6 +223,9 @@ class Slices:
         """Return a slice; a peg that vanishes goes anywhere in the hole."""
         if hole_um not in self._openings:
             self._openings[hole_um] = Opening(self._grown(self.fit.hole, -hole_um))
+        radius_um = self.fit.peg_radius_um
+        if radius_um is not None:
+            return self._within(self._openings[hole_um].polygon, radius_um + peg_um)
         if peg_um not in self._pegs:
             body = self._grown(self.fit.peg, peg_um)
             points = shapely.get_coordinates(body.exterior)[:-1]
@@ -231,6 +234,14 @@ class Slices:
         if peg is None:
             return opening.polygon
         return free_slice(opening, peg, self.fit.angle_rad + turn_rad)
+
+    def _within(self, opening: Polygon, radius_um: float) -> BaseGeometry:
+        """Return where the middle of a disc may be; arcs about corners by chords."""
+        if radius_um <= 0:
+            return opening
+        step_rad = 2 * math.acos(max(1 - self._chord_um / radius_um, 0.0))
+        quarter = math.ceil(math.pi / 2 / step_rad)
+        return opening.buffer(-radius_um, quad_segs=quarter)
 
     def _grown(self, outline: Outline, distance_um: float) -> Polygon:
         """Return the polygon of a ring whose material grows by a distance.

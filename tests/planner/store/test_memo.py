@@ -10,7 +10,7 @@ import pytest
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.planner.store import memo as memos
 from microplan.planner.store.canonical import CanonicalError
-from microplan.planner.store.memo import Memo, digest
+from microplan.planner.store.memo import Memo, digest, source_files
 from microplan.planner.store.store import Store
 from microplan.schemas.pose import Pose
 
@@ -98,3 +98,5 @@ def test_a_result_of_unknown_form_is_computed_again(memo: Memo) -> None:
 def test_the_sources_are_those_on_disk() -> None:
     assert memos.sources() == memos.sources()
     assert len(memos.sources()) == 64
+    names = {file.relative_to(root).as_posix() for root, file in source_files()}
+    assert {"plan.schema.json", "task.schema.json", "codec.py"} <= names

@@ -13,11 +13,17 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from benchmarks.compiling.outline_pairs import draw_pair, goes_in
+from benchmarks.compiling.outline_shapes import hollow, keyed
 from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Outline, Ring
 from microplan.planner.assembly.fits.convex_cover import convex_cover
 from microplan.planner.assembly.fits.free_slice import Opening, Peg, free_slice
 from microplan.planner.assembly.fits.half_planes import common_polygon
-from microplan.planner.assembly.fits.peg_in_hole import slices_of
+from microplan.planner.assembly.fits.peg_in_hole import (
+    PegInHole,
+    ring_points,
+    slices_of,
+)
 
 CROSS = np.array(
     [(-9, -2), (-2, -2), (-2, -9), (2, -9), (2, -2), (9, -2),
@@ -76,6 +82,23 @@ def test_slices_are_the_places_where_every_point_is_inside(family: str) -> None:
     inside = goes_in(shape.hole, shape.peg, poses, shape.angle_rad)
     held = np.asarray(shapely.contains(room, points))
     np.testing.assert_array_equal(held[sure], inside[sure])
+    assert 0.02 < inside.mean() < 0.98
+
+
+@pytest.mark.parametrize("reach_um", [25.0, 39.0])
+def test_a_round_peg_goes_where_the_edge_is_a_radius_away(reach_um: float) -> None:
+    """A bore of radius 33 um with a keyway outwards, or a key in it."""
+    hole = hollow(keyed(33.0, reach_um, 8.0))
+    circle = Arc(center=(0.0, 0.0), radius_um=22.0, start_rad=0.0, sweep_rad=math.tau)
+    peg = Outline(rings=(Ring(edges=(circle,)),))
+    shape = PegInHole(hole=hole, peg=peg)
+    places = np.random.default_rng(7).uniform(-14, 14, (1000, 2))
+    edge = Polygon(ring_points(hole.rings[0], 1e-4)).exterior
+    apart_um = np.asarray(shapely.distance(edge, shapely.points(places)))
+    free = shapely.union_all(slices_of(shape).at(0.3, peg_um=0.25))
+    clear = np.abs(apart_um - 22.25) > 2 * shape.chord_um  # of where both may differ
+    inside = shapely.contains_xy(free, *places[clear].T)
+    assert (inside == (apart_um > 22.25)[clear]).all()
     assert 0.02 < inside.mean() < 0.98
 
 
