@@ -46,7 +46,7 @@ REDONE = (
     ("teeth: {kind: teeth, layer: OUTLINE, count: 18}", ""),
     (
         "theta: any, sigma_xy_um: 30",
-        "theta_deg: 0, sigma_theta_deg: 2, sigma_xy_um: 30}",
+        "theta_deg: 10, sigma_theta_deg: 2, sigma_xy_um: 30}",
     ),
 )
 
