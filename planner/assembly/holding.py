@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -21,13 +20,14 @@ from microplan.planner.assembly.assembly import (
     with_part,
 )
 from microplan.planner.assembly.resting import report_resting
+from microplan.planner.assembly.settling import settling
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.swept_volume import SIGMAS, report_jaws
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.pose import Pose
 
-TAIL_SIGMAS = 9.0  # beyond, a normal tail is below 1e-18 and a double adds nothing
+UNSURE = 1e-3  # probability of settling at another angle that is left unsaid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +86,7 @@ def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
     name = owner_of(step.target or "")
     between = between_jaws(task, state, step)
     _check_grasp(task, state, step, report, between)
+    _check_turn(task, state, step, report, between)
     report_jaws(task, state, step, step.opening_um or 0.0, report)
     held = PartState(
         carrier="robot",
@@ -118,58 +119,21 @@ def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> fl
     It lies flat as `squeeze_minima_rad` says, but one start may end in another minimum
     than the next. What no jaw rotates, and any angle, stays as uncertain as it was.
     """
-    sigma = state.parts[name].sigma_theta_rad
-    robot = task.workcell.robot.axes.repeatability_theta_rad
     minima = squeeze_minima_rad(task.parts[name].outline)
-    if sigma >= math.pi:
+    if state.parts[name].sigma_theta_rad >= math.pi:
         return math.pi
-    before = math.hypot(sigma, robot, task.workcell.stage.axes.repeatability_theta_rad)
+    before = _sigma_before_rad(task, state, name)
     if not minima:
         return min(before, math.pi)
-    return math.hypot(settled_sigma_rad(minima, theta_rad, before), robot)
+    robot = task.workcell.robot.axes.repeatability_theta_rad
+    return math.hypot(settling(minima, theta_rad, before).sigma_rad, robot)
 
 
-def settled_sigma_rad(
-    minima: tuple[float, ...], theta_rad: float, sigma_rad: float
-) -> float:
-    """Return the rms deviation of an angle that settles in one of several minima, rad.
-
-    Parameters
-    ----------
-    minima : tuple of float
-        Angles in [0, pi), repeated every pi.
-    theta_rad, sigma_rad : float
-        Of the angle before: normal about `theta_rad`.
-
-    Returns
-    -------
-    float
-        Root mean square of (minimum reached - minimum nearest to `theta_rad`). Each
-        start goes to the minimum nearest to it.
-    """
-    reach = math.ceil(TAIL_SIGMAS * sigma_rad / math.pi) + 1
-    base = theta_rad - math.fmod(theta_rad, math.pi)
-    angles_rad = sorted(
-        base + m + k * math.pi for k in range(-reach, reach + 1) for m in minima
-    )
-    cuts = [(a + b) / 2 for a, b in itertools.pairwise(angles_rad)]
-    below = [0.0, *(_below(cut - theta_rad, sigma_rad) for cut in cuts), 1.0]
-    nearest = least(angles_rad, lambda turn: abs(turn - theta_rad), scale=1.0)
-    return math.sqrt(
-        sum(
-            (high - low) * (turn - nearest) ** 2
-            for turn, (low, high) in zip(
-                angles_rad, itertools.pairwise(below), strict=True
-            )
-        )
-    )
-
-
-def _below(offset_rad: float, sigma_rad: float) -> float:
-    """Return the probability that a normal deviation is below `offset_rad`."""
-    if sigma_rad <= 0:
-        return float(offset_rad > 0)
-    return math.erfc(-offset_rad / sigma_rad / math.sqrt(2)) / 2
+def _sigma_before_rad(task: Task, state: State, name: str) -> float:
+    """Return the sigma of a part's angle between open jaws, rad."""
+    cell = task.workcell
+    axes = (each.axes.repeatability_theta_rad for each in (cell.robot, cell.stage))
+    return math.hypot(state.parts[name].sigma_theta_rad, *axes)
 
 
 def _check_grasp(
@@ -199,6 +163,37 @@ def _check_grasp(
             "open the jaws further before, or align more finely",
         )
     _check_reach(task, state, step, report, between)
+
+
+def _check_turn(
+    task: Task, state: State, step: TaskStep, report: Report, between: Between
+) -> None:
+    """Report a part whose angle is needed later, and which jaws may turn either way."""
+    name = owner_of(step.target or "")
+    needs = [s for s in task.steps if _needs_angle(s, name)]
+    minima = squeeze_minima_rad(task.parts[name].outline)
+    if not needs or not minima:
+        return
+    sigma_rad = min(_sigma_before_rad(task, state, name), math.pi)
+    found = settling(minima, between.local.theta_rad, sigma_rad)
+    chance, other_rad = found.elsewhere
+    if chance <= UNSURE:
+        return
+    here, there = (math.degrees(t) for t in (found.nearest_rad, other_rad))
+    report.refuse(
+        "MP310",
+        step.where,
+        f"step {step.id!r}: closing jaws turn {name} to {here:.4g} deg, or, with "
+        f"probability {chance:.2g}, to another angle, such as {there:.4g} deg; "
+        f"{needs[0].id!r} needs its angle",
+        f"bring it in nearer to {here:.4g} deg, or with a smaller sigma_theta_deg",
+    )
+
+
+def _needs_angle(step: TaskStep, name: str) -> bool:
+    """Return whether a step aligns the angle of a part."""
+    owners = (owner_of(place or "") for place in (step.target, step.to))
+    return step.tolerance_theta_rad is not None and name in owners
 
 
 def _check_reach(

@@ -82,6 +82,7 @@ TITLES: Mapping[str, str] = {
     "MP307": "key has no effect",
     "MP308": "part hangs over what it is put on",
     "MP309": "a start is exactly known",
+    "MP310": "jaws may turn a part either way",
     "MP401": "target does not stay inside the field",
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",

@@ -7,9 +7,11 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from microplan.planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.task.presets import PRESETS
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
 
@@ -17,6 +19,8 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft"
 ONE_LOOK = "{id: see_post, do: locate, target: shaft_plate.post, view_um: [0, 0]}"
 GRASP = "{id: grasp, do: grasp, target: gear, with: tweezers, opening_um: 96}"
+# Less than any preset spends on a look, where its numbers do not matter.
+FEW = replace(PRESETS["fast"], trials=8, random_trials=8, range_draws=1, drift_draws=1)
 
 
 def copy_example(folder: Path) -> Path:

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import TypeVar
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -127,7 +128,12 @@ def runout_coefficients(values: FloatArray) -> FloatArray:
 
 
 def _mirrored(template: FloatArray) -> FloatArray:
-    """Return the template followed by its mirror images, so that borders meet alike."""
+    """Return the template followed by its mirror images, so that borders meet alike.
+
+    Its last values go on before, to a length that transforms fast.
+    """
+    more = [(0, cv2.getOptimalDFTSize(size) - size) for size in template.shape]
+    template = np.pad(template, more, mode="edge")
     wide = np.concatenate((template, template[:, ::-1]), axis=1)
     return np.concatenate((wide, wide[::-1]), axis=0)
 

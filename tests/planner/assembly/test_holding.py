@@ -5,24 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 from scipy import stats
 
 from microplan.planner.assembly import holding
 from microplan.planner.assembly.assembly import Axis4, State, initial, with_part
-from microplan.planner.assembly.holding import between_jaws, grasp, settled_sigma_rad
+from microplan.planner.assembly.holding import between_jaws, grasp
 from microplan.planner.budget.budget import grasp_budget
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
-NINE = tuple(math.radians(20 * k + 10) for k in range(9))  # as an 18-tooth gear has
-UNEVEN = (0.1, 0.9, 2.2)
-DRAWS = 40_000
 
 
 @pytest.fixture(scope="module")
@@ -52,33 +46,6 @@ def standing(
     )
 
 
-@pytest.mark.parametrize("minima", [NINE, UNEVEN, (0.0, math.pi / 2)])
-@pytest.mark.parametrize("sigma_rad", [0.05, 0.3, 1.5])
-@pytest.mark.parametrize("theta_rad", [-4.0, 0.0, 0.33, 3.0])
-def test_where_a_turn_settles_agrees_with_draws(
-    minima: tuple[float, ...], sigma_rad: float, theta_rad: float
-) -> None:
-    rng = np.random.default_rng(7)
-    turns = np.array([m + k * math.pi for k in range(-8, 9) for m in minima])
-    starts = np.append(theta_rad, rng.normal(theta_rad, sigma_rad, DRAWS))
-    ends = turns[np.abs(starts[:, None] - turns).argmin(axis=1)]
-    squares = (ends[1:] - ends[0]) ** 2
-    found = settled_sigma_rad(minima, theta_rad, sigma_rad)
-    # five standard errors of the mean square, and what a draw can tell from nothing
-    atol = 5 * squares.std() / math.sqrt(DRAWS) + 1 / DRAWS
-    assert found**2 == pytest.approx(squares.mean(), abs=atol)
-
-
-@given(theta_rad=st.floats(-7, 7))
-def test_a_known_turn_settles_in_one_minimum(theta_rad: float) -> None:
-    first, second, *_ = sorted(
-        abs(math.remainder(theta_rad - m, math.pi)) for m in UNEVEN
-    )
-    assume(second - first > 1e-9)  # halfway between two minima it may fall into either
-    assert settled_sigma_rad(UNEVEN, theta_rad, 0.0) == 0.0
-    assert settled_sigma_rad((0.4,), theta_rad, 1e-3) <= math.pi
-
-
 def test_a_grasp_leaves_what_the_jaws_do_not_take_away(task: Task) -> None:
     """The gear lies 3 degrees off flat, a tenth of that uncertain: one minimum only."""
     robot_rad = task.workcell.robot.axes.repeatability_theta_rad
@@ -91,6 +58,34 @@ def test_a_grasp_leaves_what_the_jaws_do_not_take_away(task: Task) -> None:
     wanted = math.hypot(math.radians(20), math.radians(20) / math.sqrt(12))
     around = math.radians(3)  # the nearest is 3 degrees from the mean
     assert held.sigma_theta_rad == pytest.approx(math.hypot(wanted, around), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "sigma_deg", "refused"),
+    [(0.0, 0.5, True), (0.0, 0.0, False), (10.0, 1.0, False), (5.0, 2.0, True)],
+)
+def test_jaws_that_may_turn_a_part_either_way_are_refused_if_its_angle_is_needed(
+    task: Task, start_deg: float, sigma_deg: float, refused: bool
+) -> None:
+    """An 18-tooth gear lies flat every 20 degrees, 10 degrees off its drawing."""
+    axes = replace(task.workcell.stage.axes, repeatability_theta_rad=0.0)
+    cell = replace(
+        task.workcell,
+        stage=replace(task.workcell.stage, axes=axes),
+        robot=replace(task.workcell.robot, axes=axes),
+    )
+    steps = tuple(
+        replace(step, tolerance_theta_rad=0.02) if step.id == "over_shaft" else step
+        for step in task.steps
+    )
+    state = standing(task, 0.0, math.radians(start_deg))
+    part = replace(state.parts["gear"], sigma_theta_rad=math.radians(sigma_deg))
+    state = with_part(state, "gear", part)
+    for known, told in ((task.steps, False), (steps, refused)):
+        report = Report()
+        asked = replace(task, workcell=cell, steps=known)
+        grasp(asked, state, grasp_step(task), report)
+        assert ("MP310" in [found.code for found in report.found]) == told
 
 
 @pytest.mark.parametrize("x_um", [0.0, 8.0, -12.0])

@@ -17,11 +17,10 @@ from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.memo import EVERY_TIME
-from microplan.planner.task.presets import PRESETS
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.target_views import views
-from tests.planner.examples import copy_example, one_look, read
+from tests.planner.examples import FEW, copy_example, one_look, read
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -35,7 +34,7 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    effects = CompileContext(effort=FEW, max_image_error=0.01, map=map)
     low, _ = task.workcell.optics.magnification
 
     def compiled(request: Request) -> CompiledLook | None:
@@ -59,7 +58,7 @@ def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    effects = CompileContext(effort=FEW, max_image_error=0.01, map=map)
     low, _ = task.workcell.optics.magnification
     short = replace(asked, tolerance_um=1e-3, admissible_um=2e-3)
 
@@ -113,7 +112,7 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
             yield work(item)
 
     (request,) = requests(task, unfold(task, report), 0, None)
-    effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
+    effort = replace(FEW, limited=True, features=1)
     effects = CompileContext(effort=effort, max_image_error=0.01, map=counted)
     low, _ = task.workcell.optics.magnification
     view, *_ = views(task, request, low, report)

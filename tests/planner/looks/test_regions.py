@@ -31,7 +31,7 @@ def evaluated(file: Path) -> Evaluation:
     """Return the trials of a task's only look at its first magnification."""
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effort = replace(PRESETS["fast"], trials=TRIALS)
+    effort = replace(PRESETS["fast"], trials=TRIALS, random_trials=TRIALS)
     context = CompileContext(effort=effort, max_image_error=0.01, map=map)
     problem = LookProblem(task=task, request=asked, context=context, begun=Begun())
     return problem.evaluate(views(task, asked, 6.9, report)[0])

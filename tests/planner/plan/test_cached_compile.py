@@ -6,7 +6,6 @@ import contextlib
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -22,12 +21,11 @@ from microplan.planner.store import summary
 from microplan.planner.store.memo import Memo, digest
 from microplan.planner.store.store import Store, place
 from microplan.planner.task import read_task
-from microplan.planner.task.presets import PRESETS
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import requests
 from microplan.planner.views.target_views import views
-from tests.planner.examples import change, copy_example, one_look, read
+from tests.planner.examples import FEW, change, copy_example, one_look, read
 
 Compile = Callable[..., dict[str, bytes]]
 NOT_COMPARED = {"timings.json"}  # measured times
@@ -36,8 +34,7 @@ NOT_COMPARED = {"timings.json"}  # measured times
 @pytest.fixture(autouse=True, scope="module")
 def _fewer_trials() -> Iterator[None]:
     """Spend less on a look than any preset does."""
-    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
-    few = dict.fromkeys(("fast", "balanced"), fewer)
+    few = dict.fromkeys(("fast", "balanced"), FEW)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("microplan.planner.plan.compiler.PRESETS", few)
         yield

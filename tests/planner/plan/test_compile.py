@@ -32,6 +32,7 @@ from microplan.schemas.files import json_schema
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan, dump_plan, parse_plan
 from tests.planner.examples import (
+    FEW,
     GRASP,
     ONE_LOOK,
     ROOT,
@@ -50,8 +51,10 @@ FIND_GEAR = "{id: find_gear, do: locate, target: gear, view_um: [0, 0]}"
 
 
 def compiled(file: Path) -> PlanFiles:
-    """Return what a task compiles to at preset fast."""
-    files = compile_task(read(file), Report(), Options(preset="fast"))
+    """Return what a task compiles to with fewer trials than any preset has."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("microplan.planner.plan.compiler.PRESETS", {"fast": FEW})
+        files = compile_task(read(file), Report(), Options(preset="fast"))
     assert files is not None
     return files
 

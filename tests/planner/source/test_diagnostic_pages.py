@@ -6,7 +6,6 @@ import re
 import shlex
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,6 +22,7 @@ from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
 from tests.planner.examples import (
     EXAMPLE,
+    FEW,
     GRASP,
     ROOT,
     between_jaws,
@@ -210,9 +210,8 @@ def test_the_call_of_a_page_leads_to_its_code(
     (call,) = _CALL.findall(page)
     if code in PREPARED:
         PREPARED[code](example)
-    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
     monkeypatch.setattr(
-        "microplan.planner.plan.compiler.PRESETS", {**PRESETS, "fast": fewer}
+        "microplan.planner.plan.compiler.PRESETS", {**PRESETS, "fast": FEW}
     )
     monkeypatch.chdir(example)
 
