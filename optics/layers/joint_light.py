@@ -37,7 +37,7 @@ class LightChange:
     change: FloatArray  # (rows, columns), share of the lamp's light
 
     def on(self, other: Lattice) -> FloatArray:
-        """Return it at another lattice, (rows, columns)."""
+        """Return it at another lattice, (rows, columns), share of the light."""
         (x, y), step = other.corner_um, other.step_um
         rows, columns = other.shape
         return self.lattice.read(

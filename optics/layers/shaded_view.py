@@ -39,7 +39,8 @@ _STEPS = 4  # an octave of distances between points
 # taken as sharp, and about its edges on the finest points.
 _NEAR = 4.5
 _LINES = 64  # scan lines of a square there: images must change smoothly in y, too
-_SHARP = 0.25  # of that distance: a blur that those points do not show
+_FINER = 2  # times closer are points about edges near focus
+_SHARP = 0.02  # of that distance: a blur that images do not show
 # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
 _UNIFORM = 0.005
 
@@ -148,7 +149,7 @@ class ShadedView:
             return change
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=self.frame.part(*part))
-        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine)
+        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, _FINER)
         if finer is None and change is None:
             return None
         coarse = np.zeros(edges.shape) if change is None else change
@@ -163,12 +164,14 @@ class ShadedView:
         seen: Sequence[Covered],
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
+        finer: int = 1,
     ) -> FloatArray | None:
         """Return the residual if faces blurred by up to `sharp_um` hide sharply.
 
-        (rows, columns), share of full scale; None where there is none.
+        (rows, columns), share of full scale; None where there is none. Points are so
+        many times `finer`.
         """
-        faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um)
+        faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
         found = joint_residual(faces, lattice, self.microscope)
         if found is None:
             return None
@@ -191,11 +194,12 @@ class ShadedView:
         seen: Sequence[Covered],
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
+        finer: int = 1,
     ) -> tuple[list[JointFace], Lattice]:
         """Return a scene's faces, the lowest first, and the points rays come from."""
         groups = _by_height(seen)
         heights = [group[0].layer.z_um for group in groups]
-        lattice = self._lattice(heights, list(shaded.values()), sharp_um)
+        lattice = self._lattice(heights, list(shaded.values()), sharp_um, finer)
         faces = [] if scene.background == 0 else [self._plane(scene, shaded, lattice)]
         faces += [self._joint(g, shaded, lattice, sharp_um) for g in groups]
         return faces, lattice
@@ -263,6 +267,7 @@ class ShadedView:
         heights_um: Sequence[float],
         shaded: Sequence[ShadedFace],
         sharp_um: float,
+        finer: int,
     ) -> Lattice:
         """Return points as far apart as blurs of heights and faces allow."""
         m = self.microscope
@@ -273,11 +278,11 @@ class ShadedView:
             for each, r in zip(shaded, reach, strict=True)
         ]
         widest = max(*hiding, *reach, 0.0, 0.0)
-        steps = [r / _HIDING for r in hiding]
+        steps = [r / _HIDING / finer for r in hiding]
         step = min([*steps, *lit], default=math.inf)
         if not math.isfinite(step):
             step = m.um_per_px * max(self.frame.rows, self.frame.columns)
-        step = max(step, 2 * fine_um(m), widest / WIDEST)
+        step = max(step, 2 * fine_um(m) / finer, widest / WIDEST)
         # images of nearly the same blur share their points
         step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
         return Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)

@@ -35,11 +35,11 @@ class DistanceField:
     values: Float32Array  # (rows, columns), y upwards
 
     def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
-        """Return the distance at the grid's points nearest to world points, um."""
+        """Return distances at the grid's points nearest to world points, (...) um."""
         return self.read(*self.places(x, y))
 
     def read(self, u: Float32Array, v: Float32Array) -> Float32Array:
-        """Return the distance at `places`, or linear functions of them; um."""
+        """Return the distances at `places`, or linear functions of them, (...) um."""
         column, row = self._nearest(u, v)
         row *= self.values.shape[1]
         row += column
@@ -48,7 +48,7 @@ class DistanceField:
     def normal(
         self, x: Float32Array, y: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """Return the unit vector outwards of the nearest edge at world points."""
+        """Return unit vectors outwards of the nearest edges at points, (...) um."""
         column, row = self._nearest(*self.places(x, y))
         rows, columns = self.values.shape
         left, right = np.maximum(column - 2, 0), np.minimum(column + 2, columns - 1)
@@ -62,7 +62,10 @@ class DistanceField:
     def places(
         self, x: Float32Array, y: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """Return world points in the grid's steps, half a step on: floors round."""
+        """Return world points, (...) um, in the grid's steps, half a step on.
+
+        Floors round then.
+        """
         (c, s), (x0, y0) = self.turn, self.origin_um
         k = 1 / STEP_UM
         u, v = self.directions(x, y)
@@ -73,7 +76,7 @@ class DistanceField:
     def directions(
         self, x: Float32Array, y: Float32Array
     ) -> tuple[Float32Array, Float32Array]:
-        """Return world vectors in the grid's steps."""
+        """Return world vectors, (...) um, in the grid's steps."""
         c, s = (np.float32(value / STEP_UM) for value in self.turn)
         return c * x + s * y, c * y - s * x
 

@@ -19,7 +19,7 @@ from microplan.optics.layers.solids.solid_bodies import (
     rays_outside,
     solid_bodies,
 )
-from microplan.optics.layers.solids.straight_rays import SolidBody, covers, hides
+from microplan.optics.layers.solids.straight_rays import ThickBody, covers, hides
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
@@ -73,12 +73,12 @@ def solid_light(
     return LightChange(lattice=lattice, change=change.reshape(lattice.shape))
 
 
-def _from_below(body: SolidBody) -> SolidBody:
+def _from_below(body: ThickBody) -> ThickBody:
     """Return a body as rays from a face at 0 meet it: sharply where it stands there."""
     return replace(body, is_sharp=body.under_um <= 0)
 
 
-def _turned(body: SolidBody) -> SolidBody:
+def _turned(body: ThickBody) -> ThickBody:
     """Return a body upside down, for rays that come up from 0."""
     return replace(
         body, top_um=min(-body.under_um, 0.0), under_um=-body.top_um, is_sharp=False

@@ -18,7 +18,7 @@ from microplan.optics.layers.solids.straight_rays import (
     IndexArray,
     Paths,
     Rays,
-    SolidBody,
+    ThickBody,
     heights_between,
 )
 from microplan.optics.outline.distance_field import BEYOND_UM
@@ -51,7 +51,7 @@ class _Flight:
 
 
 def mirrored(
-    bodies: Sequence[SolidBody],
+    bodies: Sequence[ThickBody],
     lights: Sequence[Light | None],
     floor: Light | None,
     floor_um: float,
@@ -64,7 +64,7 @@ def mirrored(
 
     Parameters
     ----------
-    bodies : sequence of SolidBody
+    bodies : sequence of ThickBody
         All that hides; walls of reflectance 0 are black.
     lights : sequence of Light, optional
         What the top of each sends back to a ray; None: nothing.
@@ -78,7 +78,8 @@ def mirrored(
     Returns
     -------
     (points,) float64 array
-        Sums of each mirrored ray's reflectances times what it meets at last.
+        Sums of each mirrored ray's reflectances times what it meets at last, shares of
+        full scale.
     """
     total = np.zeros(rays.x_um.shape[0])
     flight = _first_mirrored(bodies, floor_um, rays)
@@ -91,7 +92,7 @@ def mirrored(
 
 
 def _first_mirrored(
-    bodies: Sequence[SolidBody], floor_um: float, rays: Rays
+    bodies: Sequence[ThickBody], floor_um: float, rays: Rays
 ) -> _Flight:
     """Return the rays whose first body is met at a wall that mirrors."""
     shape = (rays.x_um.shape[0], rays.across.shape[1])
@@ -128,7 +129,7 @@ def _first_mirrored(
 
 
 def _first_wall(
-    body: SolidBody, rays: Rays, low_um: float
+    body: ThickBody, rays: Rays, low_um: float
 ) -> tuple[Float32Array, BoolArray]:
     """Return the height at which rays meet a body's wall, and whether they do.
 
@@ -153,7 +154,7 @@ def _first_wall(
     return at, at >= low_um
 
 
-def _mirror(flight: _Flight, body: SolidBody, which: BoolArray) -> None:
+def _mirror(flight: _Flight, body: ThickBody, which: BoolArray) -> None:
     """Mirror some rays at a body's wall, in place."""
     if not which.any():
         return
@@ -171,7 +172,7 @@ def _mirror(flight: _Flight, body: SolidBody, which: BoolArray) -> None:
 
 def _advance(
     flight: _Flight,
-    bodies: Sequence[SolidBody],
+    bodies: Sequence[ThickBody],
     lights: Sequence[Light | None],
     floor: Light | None,
     floor_um: float,

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import Float32Array
 from microplan.optics.layers.lattice import Area, Lattice
 from microplan.optics.layers.rays import slopes
-from microplan.optics.layers.solids.straight_rays import Rays, SolidBody, rays_of
+from microplan.optics.layers.solids.straight_rays import Rays, ThickBody, rays_of
 from microplan.optics.outline.distance_field import distance_field
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
@@ -31,7 +31,7 @@ class LightTable:
     share: Float32Array  # (rows, columns)
 
     def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
-        """Return the share at the points nearest to world points, um."""
+        """Return the share at the points nearest to world points, (...) um."""
         (left, top), k = self.lattice.corner_um, np.float32(1 / self.lattice.step_um)
         rows, columns = self.share.shape
         column = np.clip((x - np.float32(left)) * k + np.float32(0.5), 0, columns - 1)
@@ -62,7 +62,7 @@ class SentLight:
 class SolidFace:
     """A body with what its face sends back."""
 
-    body: SolidBody
+    body: ThickBody
     sends: SentLight
 
 
@@ -73,13 +73,13 @@ def is_solid(layers: Sequence[Layer]) -> bool:
 
 def solid_bodies(
     layers: Sequence[Layer], plane_um: float, area: Area, sharp_um: float
-) -> list[tuple[Layer, SolidBody]]:
+) -> list[tuple[Layer, ThickBody]]:
     """Return bodies that come near an area, about a plane; sharp ones near it."""
     found = []
     for layer in layers:
         distance = distance_field(layer.outline, area)
         if distance is not None:
-            body = SolidBody(
+            body = ThickBody(
                 distance=distance,
                 top_um=layer.z_um - plane_um,
                 under_um=_under_um(layer) - plane_um,
@@ -105,7 +105,7 @@ def rays_from(
     return rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents), soft
 
 
-def rays_outside(bodies: Sequence[SolidBody], rays: Rays) -> Rays:
+def rays_outside(bodies: Sequence[ThickBody], rays: Rays) -> Rays:
     """Return rays through the nearest points outside bodies."""
     x, y = rays.x_um, rays.y_um
     for body in bodies:

@@ -24,7 +24,7 @@ IndexArray = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolidBody:
+class ThickBody:
     """Bodies of one outline and one height, where rays may meet them."""
 
     distance: DistanceField
@@ -62,19 +62,19 @@ class Paths:
     dv: Float32Array
 
     @classmethod
-    def of(cls, body: SolidBody, rays: Rays) -> Paths:
+    def of(cls, body: ThickBody, rays: Rays) -> Paths:
         """Return all rays."""
         field = body.distance
         start, slope = (rays.x_um, rays.y_um), (rays.across, rays.up)
         return cls(field, *field.places(*start), *field.directions(*slope))
 
     def some(self, point: IndexArray, ray: IndexArray) -> Paths:
-        """Return some rays, one an entry."""
+        """Return some rays, of (N,) indices of points and slopes."""
         u, v = self.u[point, 0], self.v[point, 0]
         return Paths(self.field, u, v, self.du[0, ray], self.dv[0, ray])
 
     def at(self, z_um: float) -> Float32Array:
-        """Return how far rays are from the body's outline at a height, um."""
+        """Return how far rays pass from the outline, (points, slopes) or (N,) um."""
         z = np.float32(z_um)
         return self.field.read(self.u + z * self.du, self.v + z * self.dv)
 
@@ -86,19 +86,20 @@ def rays_of(points_um: FloatArray, tangents: FloatArray) -> Rays:
     return Rays(x_um=x, y_um=y, across=across, up=up)
 
 
-def covers(body: SolidBody, rays: Rays, soft: float) -> Float32Array:
-    """Return what a body's top covers of each ray's share of the pupil, 0..1.
+def covers(body: ThickBody, rays: Rays, soft: float) -> Float32Array:
+    """Return what a body's top covers of rays, (points, slopes), 0..1.
 
-    A ray is `soft` um wide for each um of height, and one um more.
+    A ray stands for its share of the pupil: it is `soft` um wide for each um of
+    height, and one um more.
     """
     distance = Paths.of(body, rays).at(body.top_um)
     return _share(distance / _width(body.top_um, soft))
 
 
 def hides(
-    body: SolidBody, rays: Rays, soft: float, *, from_um: float, to_um: float
+    body: ThickBody, rays: Rays, soft: float, *, from_um: float, to_um: float
 ) -> Float32Array:
-    """Return what a body hides of each ray between two heights, 0..1.
+    """Return what a body hides of rays between two heights, (points, slopes), 0..1.
 
     Of a sharp body, which is met at `from_um`, only what rays approach: those that
     leave through its edge do not meet the wall there.
@@ -162,7 +163,7 @@ def _approached(
 
 
 def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:
-    """Return heights between which the steepest ray travels a little."""
+    """Return heights, (K + 1,) um, between which the steepest ray travels a little."""
     slope = float(np.hypot(rays.across, rays.up).max())
     count = min(max(math.ceil(abs(to_um - from_um) * slope / _APART_UM), 1), _MOST)
     return np.linspace(from_um, to_um, count + 1)

@@ -27,7 +27,7 @@ from microplan.optics.layers.solids.solid_bodies import (
 )
 from microplan.optics.layers.solids.straight_rays import (
     Rays,
-    SolidBody,
+    ThickBody,
     covers,
     hides,
 )
@@ -132,7 +132,7 @@ def _straight(
 
 
 def _free(
-    bodies: Sequence[SolidBody],
+    bodies: Sequence[ThickBody],
     z_um: float,
     rays: Rays,
     soft: float,
