@@ -95,7 +95,7 @@ def joint_artifact(maps: FrontMaps, target: Target) -> Artifact | None:
     """Return the joint part for `read_joint`, None where there is none."""
     far_px = max(1.0, target.search_px)
     scale = far_px ** np.array([0, 1, 1, 2, 2, 2])[:, None, None]
-    shows = (np.abs(maps.joint * scale) > _LEAST).any(axis=(0, 1))
+    shows: BoolArray = np.abs(maps.joint * scale).max(axis=(0, 1)) > _LEAST
     if not shows.any():
         return None
     side = 2 * _SUPPORT + 1
