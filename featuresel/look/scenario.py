@@ -12,6 +12,7 @@ from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.layers.coaxial_light import Irradiance
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
+from microplan.optics.layers.solids.solid_bodies import is_solid
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
@@ -143,8 +144,16 @@ class LookCase:
 
     @property
     def shares_spectra(self) -> bool:
-        """Return whether images at several focus heights come from the same spectra."""
-        return self.shares_still_layers and self.lamp_aperture is None
+        """Return whether images at several focus heights come from the same spectra.
+
+        Bodies of several heights hide the same rays, and walls some of those past their
+        tops: that is another sum each time.
+        """
+        layers = (*self.static, *self.moving)
+        heights = {layer.z_um for layer in layers}
+        is_even = self.lamp_aperture is None and len(heights) <= 1
+        is_even = is_even and not is_solid(layers)
+        return self.shares_still_layers and is_even
 
     def zoomed(self, ratio: float) -> Microscope:
         """Return the microscope at so many times the nominal magnification."""
@@ -215,12 +224,7 @@ def moved_layers(
     """Return the layers that move with the target, displaced as in `scene`."""
     x, y = case.x_um + dx_um, case.y_um + dy_um
     return tuple(
-        Layer(
-            name=layer.name,
-            outline=place(layer.outline, x, y, case.theta_rad + dtheta_rad),
-            z_um=layer.z_um,
-            reflectance=layer.reflectance,
-        )
+        replace(layer, outline=place(layer.outline, x, y, case.theta_rad + dtheta_rad))
         for layer in case.moving
     )
 

@@ -26,7 +26,8 @@ POSE = ("x", "y", "theta", "z", "zoom")  # um, um, rad, um of the focus, over no
 LIGHT = ("gain", "gradient_x", "gradient_y", "offset")
 
 # Differences multiply what the renderer errs by, so band and margin are wider than an
-# image needs: slopes err by 1e-3 of their norm at most (tested).
+# image needs: slopes err by 1e-3 of their norm at most, and where several bodies hide
+# the same rays by 1e-2, those to z by 5e-2 (tested).
 _BAND_ERROR = 1e-5
 _MARGIN = 160.0
 _STEP = 0.035  # of wavelength / A, the resolution: how far an edge moves

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.arrays import FloatArray
+from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.coaxial_light import (
     Irradiance,
     area_um,
     fine_um,
     pixel_axes_um,
 )
+from microplan.optics.layers.joint_light import LightChange
+from microplan.optics.layers.joint_occlusion import (
+    WIDEST,
+    JointFace,
+    joint_residual,
+    wide,
+)
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.rays import extent
-from microplan.optics.layers.shade_and_occlusion import joint_shading_residual
+from microplan.optics.outline.scanlines import LINES
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -26,8 +34,13 @@ from microplan.optics.transfer.microscope import Microscope
 # is shaded, where 64 rays lie no closer; `benchmarks/optics/shading.py` measures what
 # they leave.
 _HIDING, _SHADED = 3, 8
-_WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
 _STEPS = 4  # an octave of distances between points
+# What is blurred by less than so many of the finest points' distances is near focus:
+# taken as sharp, and about its edges on the finest points.
+_NEAR = 4.5
+_LINES = 64  # scan lines of a square there: images must change smoothly in y, too
+_FINER = 2  # times closer are points about edges near focus
+_SHARP = 0.02  # of that distance: a blur that images do not show
 # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
 _UNIFORM = 0.005
 
@@ -37,10 +50,25 @@ class ShadedFace:
     """A height that is shaded: the light on it, and how it is seen."""
 
     light: Irradiance
+    changes: tuple[LightChange, ...]  # of the product of its shades
     lattice: Lattice
     share: FloatArray  # of the light, at the points of the lattice
     blurred: FloatArray  # the same blurred, and averaged over pixels
     seen: FloatArray  # that at the pixels
+
+    def on(self, lattice: Lattice) -> FloatArray:
+        """Return the share of the light at another lattice, (rows, columns), 0..1."""
+        return share_on(self.light, self.changes, lattice)
+
+
+def share_on(
+    light: Irradiance, changes: Sequence[LightChange], lattice: Lattice
+) -> FloatArray:
+    """Return the share of the lamp's light at a lattice, (rows, columns), 0..1."""
+    share = light.on(lattice)
+    for change in changes:
+        share += change.on(lattice)
+    return np.clip(share, 0.0, 1.0) if changes else share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,29 +81,36 @@ class ShadedView:
     frame: Window
     shift_um: tuple[float, float]
 
-    def face(self, light: Irradiance) -> ShadedFace:
+    def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""
         m, z_um = self.microscope, light.z_um - self.focus_um
         area = area_um(m, self.frame, self.shift_um, z_um)
         lattice = Lattice.over(area, light.step_um)
-        share = light.on(lattice)
+        share = share_on(light, changes, lattice)
         blurred = blur(share, lattice.step_um, m, self.model, z_um)
-        seen = self._at_pixels(blurred, lattice)
+        seen = self.at_pixels(blurred, lattice)
         return ShadedFace(
-            light=light, lattice=lattice, share=share, blurred=blurred, seen=seen
+            light=light,
+            changes=tuple(changes),
+            lattice=lattice,
+            share=share,
+            blurred=blurred,
+            seen=seen,
         )
 
     def lit(self, covered: Covered, face: ShadedFace) -> FloatArray:
         """Return a layer blurred with the light on it, (rows, columns), 0..1.
 
-        The blur of the product is that of each multiplied, and on the lattice what it
-        differs by, if the light changes within what a pixel or the lens resolves. Of
-        faces far out of focus `shading_residual` has that.
+        The finish is the share that shades keep nothing from. The blur of the product
+        is that of each multiplied, and on the lattice what it differs by, if the light
+        changes within what a pixel or the lens resolves. Of faces far out of focus
+        `residual` has that.
         """
         found = covered.coverage * face.seen
         step = face.lattice.step_um
+        dull = 1 - covered.layer.finish
         if not self._is_thin(face.light):
-            return found
+            return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
         inside = face.lattice.cells(covered.layer)
         z_um = face.light.z_um - self.focus_um
         both, alone = blur(
@@ -85,113 +120,203 @@ class ShadedView:
             self.model,
             z_um,
         )
-        found += self._at_pixels(both - alone * face.blurred, face.lattice)
-        return found
+        found += self.at_pixels(both - alone * face.blurred, face.lattice)
+        return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
 
-    def shading_residual(
-        self, scene: Scene, covered: Sequence[Covered], faces: Sequence[ShadedFace]
-    ) -> FloatArray:
-        """Return the residual of blending shaded layers, (rows, columns).
+    def residual(
+        self,
+        scene: Scene,
+        covered: Sequence[Covered],
+        shaded: Mapping[float, ShadedFace],
+    ) -> FloatArray | None:
+        """Return the residual of blending layers, (rows, columns), None for none.
 
-        Share of full scale, at the pixels.
+        Share of full scale, at the pixels. What lies near focus is taken as sharp
+        first, then on the finest points about its edges.
         """
-        lights = [face.light for face in faces]
-        traced = [each for each in lights if self._is_wide(each) or self._is_thin(each)]
-        low = [light for light in traced if light.z_um < self.focus_um]
-        high = [light for light in traced if light.z_um >= self.focus_um]
         seen = [c for c in covered if c.coverage.any()]
-        change = np.zeros((self.frame.rows, self.frame.columns))
-        for side in (low, high):
-            if side:
-                change += self._on_one_side(scene, seen, side)
-        return change
-
-    def _on_one_side(
-        self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Irradiance]
-    ) -> FloatArray:
-        """Return the residual of faces on one side of the focus.
-
-        What lies near the focus hides sharply on points as far apart as the faces
-        allow; finer ones are taken about its edges alone.
-        """
         fine = 2 * fine_um(self.microscope)
-        step = min(
-            max(light.step_um, self._reach_um(light.z_um) / _SHADED) for light in traced
-        )
-        if step <= fine:
-            return self.blending_residual(scene, seen, traced, -1.0, step)
-        change = self.blending_residual(scene, seen, traced, step, step)
-        near = [c for c in seen if fine < self._reach_um(c.layer.z_um) <= step]
-        part = _edges([c.coverage for c in near])
-        if part is None:
+        change = self.blending_residual(scene, seen, shaded, _NEAR * fine)
+        reach = [self.reach_um(c.layer.z_um) for c in seen]
+        near = [
+            c.coverage
+            for c, r in zip(seen, reach, strict=True)
+            if _SHARP * fine < r <= _NEAR * fine
+        ]
+        edges = _edges(near)
+        part = None if edges is None else extent(edges > 0)
+        if edges is None or part is None:
             return change
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=self.frame.part(*part))
-        change[part] = about.blending_residual(scene, cut, traced, fine, step)
-        return change
+        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, _FINER)
+        if finer is None and change is None:
+            return None
+        coarse = np.zeros(edges.shape) if change is None else change
+        coarse *= 1 - edges
+        if finer is not None:
+            coarse[part] += edges[part] * finer
+        return coarse
 
     def blending_residual(
         self,
         scene: Scene,
         seen: Sequence[Covered],
-        traced: Sequence[Irradiance],
+        shaded: Mapping[float, ShadedFace],
         sharp_um: float,
-        step_um: float,
-    ) -> FloatArray:
-        """Return the residual if faces blurred by `sharp_um` hide sharply.
+        finer: int = 1,
+    ) -> FloatArray | None:
+        """Return the residual if faces blurred by up to `sharp_um` hide sharply.
 
-        (rows, columns), share of full scale.
+        (rows, columns), share of full scale; None where there is none. Points are so
+        many times `finer`.
         """
-        m = self.microscope
-        soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
-        lattice = self._lattice([layer.z_um for layer in soft], traced, step_um)
-        plane = None
-        if scene.background_z_um is not None:
-            plane = scene.background, scene.background_z_um
-        found = {light.z_um: light for light in traced}
-        thin = {light.z_um for light in traced if self._is_thin(light)}
-        values = joint_shading_residual(
-            soft, plane, found, lattice, m, focus_um=self.focus_um, known=thin
+        faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
+        found = joint_residual(faces, lattice, self.microscope)
+        if found is None:
+            return None
+        change = self.at_pixels(found.below, lattice)
+        sharp = [
+            group
+            for group in _by_height(seen)
+            if self.reach_um(group[0].layer.z_um) <= sharp_um
+        ]
+        for group, light in zip(sharp, found.sharp, strict=True):
+            leaves = self.at_pixels(light, lattice)
+            hidden = np.sum([c.coverage for c in group], axis=0)
+            sent = np.sum([c.layer.reflectance * c.coverage for c in group], axis=0)
+            change = change * (1 - hidden) + sent * leaves
+        return change + self.at_pixels(found.above, lattice)
+
+    def joint_faces(
+        self,
+        scene: Scene,
+        seen: Sequence[Covered],
+        shaded: Mapping[float, ShadedFace],
+        sharp_um: float,
+        finer: int = 1,
+    ) -> tuple[list[JointFace], Lattice]:
+        """Return a scene's faces, the lowest first, and the points rays come from."""
+        groups = _by_height(seen)
+        heights = [group[0].layer.z_um for group in groups]
+        lattice = self._lattice(heights, list(shaded.values()), sharp_um, finer)
+        faces = [] if scene.background == 0 else [self._plane(scene, shaded, lattice)]
+        faces += [self._joint(g, shaded, lattice, sharp_um) for g in groups]
+        return faces, lattice
+
+    def _plane(
+        self, scene: Scene, shaded: Mapping[float, ShadedFace], lattice: Lattice
+    ) -> JointFace:
+        """Return the plane below everything."""
+        height_um = scene.background_z_um
+        light, points, z_um = None, lattice, 0.0
+        if height_um is not None and height_um in shaded:
+            z_um = height_um - self.focus_um
+            points = wide(lattice, self.microscope, z_um)
+            light = shaded[height_um].on(points).astype(np.float32)
+        covers, sends = (
+            np.full(points.shape, each, dtype=np.float32)
+            for each in (1.0, scene.background)
         )
-        change = self._at_pixels(values, lattice)
-        for each in seen:
-            z_um = each.layer.z_um
-            if self._reach_um(z_um) <= sharp_um and z_um > traced[-1].z_um:
-                change *= 1 - each.coverage
-        return change
+        return JointFace(z_um=z_um, covers=covers, sends=sends, light=light)
+
+    def _joint(
+        self,
+        group: Sequence[Covered],
+        shaded: Mapping[float, ShadedFace],
+        lattice: Lattice,
+        sharp_um: float,
+    ) -> JointFace:
+        """Return the layers of one height and finish where rays meet them."""
+        height_um, finish = group[0].layer.z_um, group[0].layer.finish
+        z_um = height_um - self.focus_um
+        points = wide(lattice, self.microscope, z_um)
+        covers, sends = (np.zeros(points.shape, dtype=np.float32) for _ in range(2))
+        is_sharp = self.reach_um(height_um) <= sharp_um
+        near = self.reach_um(height_um) <= _NEAR * 2 * fine_um(self.microscope)
+        for each in () if is_sharp else group:
+            own = points.held_cells(each.layer, _LINES if near else LINES)
+            free = 1 - own
+            covers, sends = (
+                covers * free + own,
+                sends * free + each.layer.reflectance * own,
+            )
+        light: Float32Array | None = None
+        thin = False
+        if height_um in shaded:
+            face = shaded[height_um]
+            share = (1 - finish) * face.on(points) + finish
+            light = share.astype(np.float32)
+            thin = self._is_thin(face.light)
+        return JointFace(
+            z_um=z_um,
+            covers=covers,
+            sends=sends,
+            light=light,
+            is_sharp=is_sharp,
+            joins_light=thin,
+        )
+
+    @property
+    def near_um(self) -> float:
+        """Return the radius of blur up to which a face counts as near focus."""
+        return _NEAR * 2 * fine_um(self.microscope)
 
     def _lattice(
-        self, heights_um: Sequence[float], traced: Sequence[Irradiance], step_um: float
+        self,
+        heights_um: Sequence[float],
+        shaded: Sequence[ShadedFace],
+        sharp_um: float,
+        finer: int,
     ) -> Lattice:
-        """Return points `step_um` apart, or as blurs of heights and faces allow."""
+        """Return points as far apart as blurs of heights and faces allow."""
         m = self.microscope
-        hiding = [self._reach_um(z_um) for z_um in heights_um]
-        widest = max(*hiding, *(self._reach_um(each.z_um) for each in traced), 0.0)
-        steps = [reach / _HIDING for reach in hiding]
-        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
+        hiding = [r for z in heights_um if (r := self.reach_um(z)) > sharp_um]
+        reach = [self.reach_um(each.light.z_um) for each in shaded]
+        lit = [
+            max(each.light.step_um, r / _SHADED)
+            for each, r in zip(shaded, reach, strict=True)
+        ]
+        widest = max(*hiding, *reach, 0.0, 0.0)
+        steps = [r / _HIDING / finer for r in hiding]
+        step = min([*steps, *lit], default=math.inf)
+        if not math.isfinite(step):
+            step = m.um_per_px * max(self.frame.rows, self.frame.columns)
+        step = max(step, 2 * fine_um(m) / finer, widest / WIDEST)
         # images of nearly the same blur share their points
         step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
         return Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
 
-    def _is_wide(self, light: Irradiance) -> bool:
-        """Return whether rays from one point meet different light at a height."""
-        least = max(light.step_um / 2, 2 * fine_um(self.microscope))
-        return self._reach_um(light.z_um) > least
-
     def _is_thin(self, light: Irradiance) -> bool:
         """Return whether the light changes within what a pixel or the lens resolves."""
-        return light.step_um < 2 * fine_um(self.microscope) and not self._is_wide(light)
+        fine = 2 * fine_um(self.microscope)
+        is_wide = self.reach_um(light.z_um) > max(light.step_um / 2, fine)
+        return light.step_um < fine and not is_wide
 
-    def _reach_um(self, z_um: float) -> float:
+    def reach_um(self, z_um: float) -> float:
         """Return how far aside rays through one point of the image meet a height."""
         return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
-    def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
+    def at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
+        """Return values of a lattice at the pixels, (rows, columns)."""
         x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
 
 
-def _edges(coverages: Sequence[FloatArray]) -> tuple[slice, slice] | None:
-    """Return the rows and columns where layers cover in part, None if they do not."""
-    partly = [(c > _UNIFORM) & (c < 1 - _UNIFORM) for c in coverages]
-    return extent(np.any(partly, axis=0)) if partly else None
+def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
+    """Return layers by height and finish, the lowest first."""
+    ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
+    groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
+    return [list(group) for _, group in groups]
+
+
+def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:
+    """Return where layers cover in part, (rows, columns): 1, and less beside it.
+
+    Images must change smoothly as a body moves: slopes are differences of them.
+    """
+    if not coverages:
+        return None
+    partly = np.max([np.minimum(c, 1 - c) for c in coverages], axis=0)
+    found: FloatArray = np.clip(partly / _UNIFORM - 1, 0.0, 1.0)
+    return found

@@ -60,6 +60,9 @@ def lens_scene(
             layer,
             outline=_imaged(layer, microscope, errors, layer.z_um - focus_um),
             z_um=layer.z_um + up,
+            underside_um=None
+            if layer.underside_um is None
+            else layer.underside_um + up,
         )
         for layer, up in zip(scene.layers, raised, strict=True)
     )

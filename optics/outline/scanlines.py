@@ -10,15 +10,16 @@ from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 
 CHORD_UM = 1e-3  # sagitta of the chords that replace arcs
-_LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
+LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
 
 
 def cells(
-    outline: Outline,
+    outline: Outline | EdgeArrays,
     left_um: float,
     top_um: float,
     step_um: float,
     shape: tuple[int, int],
+    lines: int = LINES,
 ) -> FloatArray:
     """Return the covered share of square cells.
 
@@ -30,6 +31,8 @@ def cells(
         Side of a cell.
     shape : (rows, columns)
         Cells wanted; rows go down.
+    lines : int
+        Scan lines a cell.
 
     Returns
     -------
@@ -40,7 +43,7 @@ def cells(
     right, bottom = left_um + columns * step_um, top_um - rows * step_um
     box = (left_um - step_um, bottom - step_um, right + step_um, top_um + step_um)
     x0, y0, x1, y1 = _lines(clip(outline, box)).T
-    fine = step_um / _LINES
+    fine = step_um / lines
     # a scan line k lies at height top - (k + 1/2) fine, in units of `fine` from the top
     a, b = (top_um - y0) / fine - 0.5, (top_um - y1) / fine - 0.5
     low = np.ceil(np.minimum(a, b)).astype(np.intp)
@@ -51,8 +54,8 @@ def cells(
     share = (line - a[edge]) / (b - a)[edge]
     x = (x0[edge] + share * (x1 - x0)[edge] - left_um) / step_um
     sign = np.where(b > a, 1.0, -1.0)[edge]  # down the frame: the inside lies right
-    keep = (line >= 0) & (line < rows * _LINES)
-    return _filled(x[keep], line[keep] // _LINES, sign[keep] / _LINES, shape)
+    keep = (line >= 0) & (line < rows * lines)
+    return _filled(x[keep], line[keep] // lines, sign[keep] / lines, shape)
 
 
 def _filled(

@@ -102,7 +102,7 @@ class Covered:
     coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
 
     def patch(self, lit: FloatArray | None = None) -> Patch:
-        """Return the layer over all of the window, `lit` where its light is uneven."""
+        """Return the layer over the window, `lit` (rows, columns) 0..1 if unevenly."""
         whole = slice(None)
         return Patch(
             layer=self.layer, rows=whole, columns=whole, coverage=self.coverage, lit=lit

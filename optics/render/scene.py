@@ -10,14 +10,23 @@ from microplan.optics.outline.outline import Outline
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layer:
-    """The top face of one body: what is bright, where, and at what height."""
+    """One body: a prism of an outline, or its top face alone."""
 
     name: str
     outline: Outline  # in the world frame, um
-    z_um: float  # world height of the face
-    reflectance: float  # share of the light sent back [1]
+    z_um: float  # world height of the top face
+    reflectance: float  # share of the light that the face sends back [1]
+    underside_um: float | None = None  # world height; None: a flat face without walls
+    wall_reflectance: float = 0.0  # of the walls, as mirrors; 0: they are black
+    finish: float = 0.0  # share of what the face sends back as a mirror
 
     def __post_init__(self) -> None:
+        for name in ("wall_reflectance", "finish"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be in 0..1, got {getattr(self, name)}")
+        under = self.underside_um
+        if under is not None and not (math.isfinite(under) and under <= self.z_um):
+            raise ValueError(f"underside_um must be at most {self.z_um}, got {under}")
         if not math.isfinite(self.z_um):
             raise ValueError(f"z_um must be finite, got {self.z_um}")
         if not 0 <= self.reflectance <= 1:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from microplan.optics.outline.outline import Outline, place
+from microplan.planner.task.finishes import SurfaceFinish
 from microplan.planner.task.surfaces import OWN, Covering, marks_on, surfaces
-from microplan.planner.task.task import Part, Reading, Task
+from microplan.planner.task.task import Part, Post, Reading, Task
 from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.pose import Pose
 
@@ -88,6 +89,7 @@ class Body:
     z_low_um: float
     z_high_um: float
     reflectance: float
+    surface: SurfaceFinish
     sigma_xy_um: float
     sigma_z_um: float
     marks: tuple[Covering, ...] = ()  # that lie flat on top of it
@@ -285,26 +287,26 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
         if held.carrier == "stage"
         else held.sigma_z_um
     )
-    prisms = [(OWN, part.outline, low, part.thickness_um, part.reflectance)]
-    foot = low + part.thickness_um
-    prisms += [
-        (post.name, post.outline, foot, post.height_um, post.reflectance)
-        for post in part.posts.values()
+    prisms: list[tuple[str, Part | Post, float, float]] = [
+        (OWN, part, low, part.thickness_um)
     ]
+    foot = low + part.thickness_um
+    prisms += [(post.name, post, foot, post.height_um) for post in part.posts.values()]
     return [
         Body(
             name=f"{name}.{face}" if face else name,
             owner=name,
             carrier=held.carrier,
-            outline=place(outline, pose.x_um, pose.y_um, pose.theta_rad),
+            outline=place(one.outline, pose.x_um, pose.y_um, pose.theta_rad),
             z_low_um=base,
             z_high_um=base + height,
-            reflectance=reflectance,
+            reflectance=one.reflectance,
+            surface=one.surface,
             sigma_xy_um=part_sigma_um(state, name),
             sigma_z_um=sigma_z,
             marks=marks_on(part, face, (pose.x_um, pose.y_um, pose.theta_rad)),
         )
-        for face, outline, base, height, reflectance in prisms
+        for face, one, base, height in prisms
     ]
 
 
@@ -320,6 +322,7 @@ def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
             z_low_um=state.robot.z_um,
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
+            surface=tool.surface,
             sigma_xy_um=state.tip_sigma_um,
             sigma_z_um=axes.repeatability_z_um,
         )

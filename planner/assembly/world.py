@@ -203,6 +203,8 @@ def _part(task: Task, part: Part) -> WorldPart:
                 post,
                 name=f"{part.name}.{post.name}",
                 outline=world_outline(post.outline),
+                wall_reflectance=post.surface.wall,
+                finish=post.surface.finish,
             )
             for post in part.posts.values()
         ),
@@ -222,6 +224,8 @@ def _part(task: Task, part: Part) -> WorldPart:
             for mark in part.marks.values()
         ),
         hull_minima_rad=squeeze_minima_rad(part.outline),
+        wall_reflectance=part.surface.wall,
+        finish=part.surface.finish,
         start=Pose(x_um=start.x_um, y_um=start.y_um, theta_rad=start.theta_rad),
     )
 
@@ -234,6 +238,8 @@ def _tool(tool: Tool, opening_um: float) -> WorldTool:
         left=world_outline(tool.left),
         right=world_outline(tool.right),
         start_opening_um=opening_um,
+        wall_reflectance=tool.surface.wall,
+        finish=tool.surface.finish,
     )
 
 

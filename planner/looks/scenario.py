@@ -207,9 +207,9 @@ def _layers(
     seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
     own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
     static = tuple(layer for layer in seen if layer.name not in own)
-    heights = {layer.name: layer.z_um for layer in seen}
+    bodies = {layer.name: layer for layer in seen}
     moving = tuple(
-        replace(layer, z_um=heights[layer.name])
+        replace(bodies[layer.name], outline=layer.outline)
         for layer in target_layers(task, request.state, shape)
         if layer.name in own
     )

@@ -12,6 +12,7 @@ from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
+from microplan.planner.task.finishes import surface_finish
 from microplan.planner.task.part_features import read_features, whole_outline
 from microplan.planner.task.regions import features
 from microplan.planner.task.regions.features import NotFoundError
@@ -85,13 +86,18 @@ def _part(
         outline=faces[OWN],
         thickness_um=float(raw["thickness_um"]),
         reflectance=float(raw["reflectance"]),
+        surface=surface_finish(raw, raw["material"]),
         material=raw["material"],
         profile_tolerance_um=float(raw["profile_tolerance_um"]),
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts={
             key: _post(
-                key, post, faces[key], task.source.key("parts", name, "posts", key)
+                key,
+                post,
+                faces[key],
+                task.source.key("parts", name, "posts", key),
+                material=raw["material"],
             )
             for key, post in sorted(raw["posts"].items())
         },
@@ -138,7 +144,9 @@ def _take_posts(
     return found
 
 
-def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
+def _post(
+    name: str, raw: Mapping[str, Any], shape: Outline, at: Span, *, material: str
+) -> Post:
     """Return the post; its circle is that of its outer ring if it has one."""
     try:
         found = features.circle(shape.rings[:1])
@@ -148,7 +156,7 @@ def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
     order = 0 if features.is_round(shape) else symmetry_order(shape.rings[0])
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
-        reflectance=float(raw["reflectance"]),
+        reflectance=float(raw["reflectance"]), surface=surface_finish(raw, material),
         profile_tolerance_um=float(raw.get("profile_tolerance_um", 0.0)),
         center_um=center, radius_um=radius_um, symmetry=order, where=at,
     )  # fmt: skip

@@ -15,6 +15,7 @@ from microplan.planner.source.source import Source, read_source
 from microplan.planner.task.check_workcell import (
     check_limits,
     check_sizes,
+    check_surfaces,
     check_workcell,
     report_backwards,
 )
@@ -71,6 +72,7 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     fingers = read_fingers(cell, report) if cell else {}
     if cell:
         check_workcell(cell, report)
+        check_surfaces(cell, report, "tools")
     _check_task(task, report)
     check_references(task, cell, report)
     check_limits(task, cell, report)
@@ -98,6 +100,7 @@ def _workcell(task: Checked, report: Report) -> Checked | None:
 
 def _check_task(task: Checked, report: Report) -> None:
     """Report intervals that run backwards."""
+    check_surfaces(task, report, "parts")
     for key in ("light_gain", "light_gradient"):
         if task.good("benchmark", key):
             low, high = task.source.data["benchmark"][key]

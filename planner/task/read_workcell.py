@@ -13,6 +13,7 @@ from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.source.source import Source
 from microplan.planner.task.check_workcell import check_fingers
 from microplan.planner.task.drawings import DrawingSheet, open_named, take
+from microplan.planner.task.finishes import surface_finish
 from microplan.planner.task.workcell import (
     CameraSpec,
     Focus,
@@ -200,6 +201,7 @@ def _tool(name: str, raw: Mapping[str, Any], fingers: DrawingSheet, at: Span) ->
         opening_um=_pair(raw["opening_um"]),
         grip_from_tip_um=float(raw["grip_from_tip_um"]),
         reflectance=float(raw["reflectance"]),
+        surface=surface_finish(raw),
         stick_probability=float(raw["stick_probability"]),
         free_length_um=optional_float(raw.get("free_length_um")),
         youngs_modulus_gpa=optional_float(raw.get("youngs_modulus_gpa")),

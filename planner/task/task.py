@@ -13,6 +13,7 @@ from typing import Literal
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.drawings import DrawingSheet
+from microplan.planner.task.finishes import SurfaceFinish
 from microplan.planner.task.presets import PRESETS, Preset
 from microplan.planner.task.workcell import Interval, Workcell
 
@@ -53,6 +54,7 @@ class Post:
     outline: Outline
     height_um: float
     reflectance: float
+    surface: SurfaceFinish
     profile_tolerance_um: float
     center_um: tuple[float, float]
     radius_um: float  # of the circle that it is, or of the one around it
@@ -79,6 +81,7 @@ class Part:
     outline: Outline
     thickness_um: float
     reflectance: float
+    surface: SurfaceFinish
     material: str
     profile_tolerance_um: float  # hard limit of the drawn-to-made edge offset
     taper_um_per_100um: float

@@ -13,6 +13,7 @@ from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.drawings import DrawingSheet
+from microplan.planner.task.finishes import SurfaceFinish
 
 Interval = tuple[float, float]
 
@@ -137,6 +138,7 @@ class Tool:
     opening_um: Interval
     grip_from_tip_um: float
     reflectance: float
+    surface: SurfaceFinish
     stick_probability: float  # that a released part follows a finger
     free_length_um: float | None  # of a finger, from where it bends; None: not stated
     youngs_modulus_gpa: float | None

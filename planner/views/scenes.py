@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -132,9 +133,22 @@ def _is_own_face(body: Body, shape: TargetShape) -> bool:
 
 
 def _layers(body: Body) -> tuple[Layer, ...]:
-    """Return the top face of a body, and the marks on it."""
-    return face_layers(
-        body.name, body.outline, body.z_high_um, body.reflectance, body.marks
+    """Return a body and the marks on it for images.
+
+    It is solid where its wall or its finish is stated. Others are their top faces:
+    walls cost an image several times its time.
+    """
+    is_solid = any(body.surface.stated) and body.z_low_um < body.z_high_um
+    return tuple(
+        replace(
+            layer,
+            underside_um=body.z_low_um if is_solid else None,
+            wall_reflectance=body.surface.seen_wall,
+            finish=body.surface.seen_finish,
+        )
+        for layer in face_layers(
+            body.name, body.outline, body.z_high_um, body.reflectance, body.marks
+        )
     )
 
 
@@ -144,7 +158,11 @@ def _reaches(
     """Return whether a layer's bounds plus its blur meet the window."""
     slope = math.tan(math.asin(microscope.aperture / microscope.medium_index))
     # 20 Airy units beyond the geometrical blur hold all but 1 % of the diffracted light
-    reach = abs(layer.z_um - focus_um) * slope
+    ends = (
+        layer.z_um,
+        layer.z_um if layer.underside_um is None else layer.underside_um,
+    )
+    reach = max(abs(z_um - focus_um) for z_um in ends) * slope
     reach += 20 * microscope.wavelength_um / microscope.aperture
     x0, y0, x1, y1 = layer.outline.bounds_um
     k = microscope.px_per_um

@@ -17,6 +17,7 @@ from microplan.featuresel.routines.likelihood.appearance import (
     OccluderBlur,
 )
 from microplan.featuresel.routines.likelihood.foreground import Front
+from microplan.featuresel.routines.likelihood.joint_blur import JointBlur
 
 FEWEST = 40  # pixels
 REJECT = 12.0  # deviations beyond which a pixel is not the target's
@@ -88,6 +89,7 @@ class ImageComparison:
     camera: CameraNoise
     free: Free
     symmetry: int  # order of the pattern's
+    joint: JointBlur | None = None  # what target and occluder hide together
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -188,6 +190,10 @@ def see(
         slopes[:5] *= front.through
         slopes[5:] = front.light_slopes + front.through_slopes * mean
         mean = front.light + front.through * mean
+    if job.joint is not None:
+        both = job.joint.light(here, columns, rows, squared=job.squared)
+        mean = mean + both.value
+        slopes[:5] += (both.across, both.down, both.turn, both.focus, both.grow)
     place = _place(job, columns, rows)
     value = view.image[rows, columns]
     return PixelComparison(value, _lit(mean, place), slopes, place)
@@ -237,6 +243,10 @@ def misfits(
         if job.front is not None:
             light, through = job.front.plain(here, seen.columns, seen.rows)
             mean = light + through * mean
+        if job.joint is not None:
+            mean = mean + job.joint.values(
+                here, turns, seen.columns, seen.rows, squared=job.squared
+            )
         values.append(view.image[seen.rows, seen.columns])
         targets.append(_lit(mean, _place(job, seen.columns, seen.rows)))
         weights.append(seen.inside.astype(np.float64))

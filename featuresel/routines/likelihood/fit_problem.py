@@ -22,10 +22,14 @@ from microplan.featuresel.routines.likelihood.comparison import (
     Free,
     ImageComparison,
 )
-from microplan.featuresel.routines.likelihood.foreground import (
-    Front,
+from microplan.featuresel.routines.likelihood.foreground import Front, mode_maps
+from microplan.featuresel.routines.likelihood.front_maps import (
+    MOST_TURN_RAD,
     front_maps,
-    mode_maps,
+)
+from microplan.featuresel.routines.likelihood.joint_blur import (
+    joint_artifact,
+    read_joint,
 )
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
 from microplan.featuresel.routines.likelihood.pose_start import farthest_rad
@@ -67,7 +71,7 @@ def prepare_job(
     )
     apart_um = _APART_DEPTHS * model.blur.depth_um
     front = front_maps(model, target, image, reach_um + _BEYOND * apart_um)
-    arrays = dict(made.arrays)
+    arrays, numbers = dict(made.arrays), dict(made.parameters)
     if front is not None:
         maps = {
             "front_light": front.light,
@@ -80,12 +84,16 @@ def prepare_job(
         modes = mode_maps(model, image)
         arrays["front_sway_light"] = modes.light.astype(np.float32)
         arrays["front_sway_through"] = modes.through.astype(np.float32)
+        joint = joint_artifact(front, target)
+        if joint is not None and not (turns and target.theta_range_rad > MOST_TURN_RAD):
+            arrays |= joint.arrays
+            numbers |= joint.parameters
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
     camera, drifts = model.camera, model.nuisances
     return Artifact(
         parameters={
-            **made.parameters,
+            **numbers,
             "turns": float(turns),
             "theta_rad": target.theta_rad,
             "symmetry": float(max(target.symmetry, 1)),
@@ -130,6 +138,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
         views=views,
         looks=read_appearance(artifact),
         front=front,
+        joint=read_joint(artifact),
         camera=CameraNoise(
             full_well_e=p["full_well_e"],
             read_noise_e=p["read_noise_e"],

@@ -86,7 +86,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 LIKELIHOOD = Routine(
     name="likelihood",
-    version="5",
+    version="6",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -130,7 +130,7 @@ def step_cost(artifact: Artifact, _pixels: int) -> float:
 
 ONE_STEP = Routine(
     name="one_step",
-    version="4",
+    version="5",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),

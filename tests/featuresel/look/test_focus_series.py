@@ -34,17 +34,22 @@ def _trials(case: LookCase, dz_um: float) -> list[Trial]:
     ]
 
 
-@pytest.mark.parametrize("name", ["find_gear", "between", "post"])
+@pytest.mark.parametrize("name", ["find_gear", "post"])
 def test_images_through_focus_are_those_rendered_anew(look: Look, name: str) -> None:
     # so many electrons that noise is below a count
     quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
     case = replace(look(name), sensor=quiet, sampling=FINE)
+    assert case.shares_spectra
     pictures = through_focus(case, _trials(case, -40.0)[0])
     for dz_um in (-1.0, -16.0, -40.0):
         trials = _trials(case, dz_um)
         for trial, found in zip(trials, pictures(trials), strict=True):
             atol = SHARED + 2 / quiet.top_count  # both are rounded to whole counts
             np.testing.assert_allclose(found, image(case, trial), rtol=0, atol=atol)
+
+
+def test_bodies_of_several_heights_share_no_spectra(look: Look) -> None:
+    assert not look("between").shares_spectra
 
 
 @pytest.mark.parametrize(("dz_um", "zoom"), [(-16.0, 1.0), (0.0, 1.03)])

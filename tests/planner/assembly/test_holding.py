@@ -18,7 +18,6 @@ from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 
-
 @pytest.fixture(scope="module")
 def task() -> Task:
     return read(EXAMPLE / "task.yaml")

@@ -53,6 +53,8 @@ def edit(folder: Path, file: str, old: str, new: str) -> None:
 
 
 # file, what is replaced, by what with <<the place of the finding>> marked, code
+NICKEL = "material: nickel"
+MIRROR, BLACK = (f"{NICKEL}\n    wall: {{kind: {kind}," for kind in ("mirror", "black"))
 MISTAKES = [
     ("task.yaml", "thickness_um: 100", "<<thicknes_um>>: 100", "MP104"),
     ("task.yaml", "seed: 1998", "<<sed>>: 1998", "MP104"),
@@ -114,6 +116,14 @@ MISTAKES = [
     ("task.yaml", "layers: [OUTLINE, BORE]", "layers: <<[OUTLINE, BOER]>>", "MP204"),
     ("task.yaml", "layer: POST", "layer: <<PSOT>>", "MP204"),
     ("task.yaml", "file: parts/gear18.dxf", "file: <<workcell.yaml>>", "MP201"),
+    ("task.yaml", NICKEL, f"{NICKEL}\n    finish: <<-1>>", "MP103"),
+    ("task.yaml", NICKEL, f"{NICKEL}\n    finish: <<[0.9, 0.1]>>", "MP113"),
+    ("task.yaml", NICKEL, f"{NICKEL}\n    finish: <<[0.1]>>", "MP106"),
+    ("task.yaml", NICKEL, f"{NICKEL}\n    wall: {{kind: <<shiny>>}}", "MP105"),
+    ("task.yaml", NICKEL, f"{MIRROR} reflectance: <<2>>}}", "MP103"),
+    ("task.yaml", NICKEL, f"{MIRROR} reflectance: [0.5, <<1.5>>]}}", "MP103"),
+    ("task.yaml", NICKEL, f"{MIRROR} reflectance: <<[0.5, 0.4]>>}}", "MP113"),
+    ("task.yaml", NICKEL, f"{BLACK} <<reflectance>>: 0.5}}", "MP109"),
     ("workcell.yaml", "wavelength_um", "<<wavelenght_um>>", "MP104"),
     ("workcell.yaml", "coverage: 1sigma", "coverage: <<2sigma>>", "MP105"),
     ("workcell.yaml", "0.42   ", "<<-0.42>>   ", "MP103"),

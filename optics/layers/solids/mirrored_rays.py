@@ -1,0 +1,222 @@
+"""Rays that walls mirror, until they end on a face, in a black wall or on the floor.
+
+A wall is vertical: a mirrored ray keeps its slope, and seen from above it travels like
+a ball between cushions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.optics.layers.solids.straight_rays import (
+    IndexArray,
+    Paths,
+    Rays,
+    ThickBody,
+    heights_between,
+)
+from microplan.optics.outline.distance_field import BEYOND_UM
+
+_TOUCH_UM = 0.4  # a ray this close to a wall meets it: the field's own step is .5
+_STEPS = 40  # of a mirrored ray
+BOUNCES = 3  # on walls; what is left then is lost
+
+# the share of the light that arrives at world points of a face
+Light = Callable[[Float32Array, Float32Array], Float32Array]
+
+
+@dataclass(slots=True)
+class _Flight:
+    """Mirrored rays on their way down, one an entry."""
+
+    x: Float32Array
+    y: Float32Array
+    z: Float32Array
+    dx: Float32Array  # sideways, a unit vector
+    dy: Float32Array
+    slope: Float32Array  # sideways a um of height
+    weight: Float32Array
+    bounces: IndexArray
+    index: IndexArray  # of the point it belongs to
+
+    def keep(self, which: BoolArray) -> _Flight:
+        """Return some of the rays."""
+        return _Flight(*(getattr(self, name)[which] for name in self.__slots__))
+
+
+def mirrored(
+    bodies: Sequence[ThickBody],
+    lights: Sequence[Light | None],
+    floor: Light | None,
+    floor_um: float,
+    rays: Rays,
+    *,
+    above_um: float = -math.inf,
+    below_um: float = math.inf,
+) -> FloatArray:
+    """Return what rays see after walls have mirrored them, summed over slopes.
+
+    Parameters
+    ----------
+    bodies : sequence of ThickBody
+        All that hides; walls of reflectance 0 are black.
+    lights : sequence of Light, optional
+        What the top of each sends back to a ray; None: nothing.
+    floor, floor_um : Light, optional
+        What the plane below everything sends back, and its height.
+    rays : Rays
+        Through the points.
+    above_um, below_um : float
+        Between which heights the first wall is met.
+
+    Returns
+    -------
+    (points,) float64 array
+        Sums of each mirrored ray's reflectances times what it meets at last, shares of
+        full scale.
+    """
+    total = np.zeros(rays.x_um.shape[0])
+    flight = _first_mirrored(bodies, floor_um, rays)
+    flight = flight.keep((flight.z > above_um) & (flight.z <= below_um))
+    for _ in range(_STEPS):
+        if not flight.x.size:
+            break
+        flight = _advance(flight, bodies, lights, floor, floor_um, total)
+    return total
+
+
+def _first_mirrored(
+    bodies: Sequence[ThickBody], floor_um: float, rays: Rays
+) -> _Flight:
+    """Return the rays whose first body is met at a wall that mirrors."""
+    shape = (rays.x_um.shape[0], rays.across.shape[1])
+    first = np.full(shape, -np.inf, dtype=np.float32)
+    whose = np.full(shape, -1)
+    for k, body in enumerate(bodies):
+        top = Paths.of(body, rays).at(body.top_um) < 0
+        nearer = top & (body.top_um > first)
+        first[nearer], whose[nearer] = body.top_um, -1
+        if body.under_um < body.top_um:
+            at, met = _first_wall(body, rays, floor_um)
+            nearer = met & (at > first)
+            first[nearer] = at[nearer]
+            whose[nearer] = k if body.wall_reflectance > 0 else -1
+    point, ray = np.nonzero(whose >= 0)
+    z, body_of = first[point, ray], whose[point, ray]
+    across, up = rays.across[0, ray], rays.up[0, ray]
+    slope = np.hypot(across, up)
+    flight = _Flight(
+        x=rays.x_um[point, 0] + z * across,
+        y=rays.y_um[point, 0] + z * up,
+        z=z,
+        # down the ray: heights fall
+        dx=-across / slope,
+        dy=-up / slope,
+        slope=slope,
+        weight=np.ones_like(z),
+        bounces=np.zeros(z.size, dtype=np.int32),
+        index=point,
+    )
+    for k, body in enumerate(bodies):
+        _mirror(flight, body, body_of == k)
+    return flight
+
+
+def _first_wall(
+    body: ThickBody, rays: Rays, low_um: float
+) -> tuple[Float32Array, BoolArray]:
+    """Return the height at which rays meet a body's wall, and whether they do.
+
+    (points, slopes); rays that meet its top do not.
+    """
+    low_um = max(body.under_um, low_um)
+    paths = Paths.of(body, rays)
+    ends = [paths.at(z_um) for z_um in (body.top_um, low_um)]
+    length = (body.top_um - low_um) * np.hypot(rays.across, rays.up)
+    at = np.full(ends[0].shape, -np.inf, dtype=np.float32)
+    point, ray = np.nonzero((ends[0] >= 0) & (ends[0] + ends[1] < length))
+    few, before = paths.some(point, ray), ends[0][point, ray]
+    found = np.full(point.shape, -np.inf, dtype=np.float32)
+    heights = heights_between(rays, body.top_um, low_um)
+    for above, z_um in itertools.pairwise(heights):
+        now = few.at(z_um)
+        here = (found < low_um) & (now < 0)
+        share = before[here] / (before[here] - now[here])
+        found[here] = above + share * (z_um - above)
+        before = now
+    at[point, ray] = found
+    return at, at >= low_um
+
+
+def _mirror(flight: _Flight, body: ThickBody, which: BoolArray) -> None:
+    """Mirror some rays at a body's wall, in place."""
+    if not which.any():
+        return
+    x, y = flight.x[which], flight.y[which]
+    nx, ny = body.distance.normal(x, y)
+    dx, dy = flight.dx[which], flight.dy[which]
+    into = np.minimum(dx * nx + dy * ny, 0)
+    flight.dx[which], flight.dy[which] = dx - 2 * into * nx, dy - 2 * into * ny
+    back = _TOUCH_UM - body.distance.at(x, y)  # onto the wall's outside
+    flight.x[which], flight.y[which] = x + back * nx, y + back * ny
+    hit = into < 0
+    flight.weight[which] *= np.where(hit, body.wall_reflectance, 1.0)
+    flight.bounces[which] += hit
+
+
+def _advance(
+    flight: _Flight,
+    bodies: Sequence[ThickBody],
+    lights: Sequence[Light | None],
+    floor: Light | None,
+    floor_um: float,
+    total: FloatArray,
+) -> _Flight:
+    """Return rays a safe step on; those that end are added to the sums, in place."""
+    away = (flight.z - np.float32(floor_um)) * flight.slope
+    distances = []
+    for body in bodies:
+        d = body.distance.at(flight.x, flight.y)
+        above = (flight.z - np.float32(body.top_um)) * flight.slope
+        clear = np.where(above > 0, np.maximum(above, np.minimum(d, BEYOND_UM)), d)
+        clear = np.where(flight.z < body.under_um, np.inf, clear)
+        away = np.minimum(away, np.maximum(clear, _TOUCH_UM))
+        distances.append(d)
+    before = flight.z.copy()
+    flight.x += away * flight.dx
+    flight.y += away * flight.dy
+    flight.z -= away / flight.slope
+    alive = flight.bounces <= BOUNCES
+    for body, light in zip(bodies, lights, strict=True):
+        d = body.distance.at(flight.x, flight.y)
+        passed = (before > body.top_um) & (flight.z <= body.top_um + 1e-3)
+        top = passed & (d < 0) & alive
+        _end(flight, top, light, total)
+        alive &= ~top
+        low = (flight.z < body.top_um) & (flight.z > body.under_um)
+        wall = low & (d < _TOUCH_UM) & alive & ~passed
+        nx, ny = body.distance.normal(flight.x, flight.y)
+        wall &= (flight.dx * nx + flight.dy * ny < 0) | (d < -_TOUCH_UM)
+        if body.wall_reflectance > 0:
+            _mirror(flight, body, wall)
+        else:
+            alive &= ~wall
+    down = alive & (flight.z <= floor_um + 1e-3)
+    _end(flight, down, floor, total)
+    return flight.keep(alive & ~down)
+
+
+def _end(
+    flight: _Flight, which: BoolArray, light: Light | None, total: FloatArray
+) -> None:
+    """Add what rays see at their end to the sums of their points, in place."""
+    if light is None or not which.any():
+        return
+    seen = flight.weight[which] * light(flight.x[which], flight.y[which])
+    total += np.bincount(flight.index[which], seen, total.size)

@@ -1,0 +1,119 @@
+"""Solid bodies of a scene about a plane, what their faces send, and rays to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from microplan.arrays import Float32Array
+from microplan.optics.layers.lattice import Area, Lattice
+from microplan.optics.layers.rays import slopes
+from microplan.optics.layers.solids.straight_rays import Rays, ThickBody, rays_of
+from microplan.optics.outline.distance_field import distance_field
+from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Microscope
+
+# Rays of all points of a lattice, and of one: `benchmarks/optics/shading.py` measures
+# what they leave.
+_SAMPLES, _FEWEST, _MOST = 96_000, 64, 192
+MIRRORED = 64  # rays of a point that are followed past walls
+_OUT_UM = 0.5  # how far outside a body points are taken that lie in it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightTable:
+    """The share of the lamp's light at the points of a lattice."""
+
+    lattice: Lattice
+    share: Float32Array  # (rows, columns)
+
+    def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
+        """Return the share at the points nearest to world points, (...) um."""
+        (left, top), k = self.lattice.corner_um, np.float32(1 / self.lattice.step_um)
+        rows, columns = self.share.shape
+        column = np.clip((x - np.float32(left)) * k + np.float32(0.5), 0, columns - 1)
+        row = np.clip((np.float32(top) - y) * k + np.float32(0.5), 0, rows - 1)
+        at = row.astype(np.int32) * columns + column.astype(np.int32)
+        found: Float32Array = self.share.ravel()[at]
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SentLight:
+    """What a face sends back, by the share of the lamp's light on it."""
+
+    reflectance: float
+    finish: float
+    table: LightTable | None = None  # None: all light arrives
+
+    def __call__(self, x: Float32Array, y: Float32Array) -> Float32Array:
+        """Return what is sent from world points, um."""
+        if self.table is None:
+            shape = np.broadcast(x, y).shape
+            return np.full(shape, self.reflectance, dtype=np.float32)
+        dull = np.float32(self.reflectance * (1 - self.finish))
+        return dull * self.table.at(x, y) + np.float32(self.reflectance * self.finish)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolidFace:
+    """A body with what its face sends back."""
+
+    body: ThickBody
+    sends: SentLight
+
+
+def is_solid(layers: Sequence[Layer]) -> bool:
+    """Return whether any body has walls."""
+    return any(_under_um(layer) < layer.z_um for layer in layers)
+
+
+def solid_bodies(
+    layers: Sequence[Layer], plane_um: float, area: Area, sharp_um: float
+) -> list[tuple[Layer, ThickBody]]:
+    """Return bodies that come near an area, about a plane; sharp ones near it."""
+    found = []
+    for layer in layers:
+        distance = distance_field(layer.outline, area)
+        if distance is not None:
+            body = ThickBody(
+                distance=distance,
+                top_um=layer.z_um - plane_um,
+                under_um=_under_um(layer) - plane_um,
+                wall_reflectance=layer.wall_reflectance,
+                is_sharp=abs(layer.z_um - plane_um) <= sharp_um,
+            )
+            found.append((layer, body))
+    return found
+
+
+def rays_from(
+    lattice: Lattice, microscope: Microscope, count: int | None = None
+) -> tuple[Rays, float]:
+    """Return rays through a lattice's points, and their width a um of height."""
+    (left, top), step = lattice.corner_um, lattice.step_um
+    rows, columns = lattice.shape
+    x, y = np.meshgrid(left + step * np.arange(columns), top - step * np.arange(rows))
+    if count is None:
+        share = max(_SAMPLES // x.size, 1)
+        count = min(max(share, _FEWEST), _MOST)
+    tangents = slopes(microscope, count)
+    soft = math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
+    return rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents), soft
+
+
+def rays_outside(bodies: Sequence[ThickBody], rays: Rays) -> Rays:
+    """Return rays through the nearest points outside bodies."""
+    x, y = rays.x_um, rays.y_um
+    for body in bodies:
+        inward = np.minimum(body.distance.at(x, y) - np.float32(_OUT_UM), 0)
+        nx, ny = body.distance.normal(x, y)
+        x, y = x - inward * nx, y - inward * ny
+    return Rays(x_um=x, y_um=y, across=rays.across, up=rays.up)
+
+
+def _under_um(layer: Layer) -> float:
+    return layer.z_um if layer.underside_um is None else layer.underside_um

@@ -1,0 +1,179 @@
+"""Straight rays past solid bodies: what tops cover, and what walls hide.
+
+Distances to outlines say how near a ray passes. A ray stands for a cell of the pupil:
+it is as wide as that, and hidden in part where an edge runs through it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from microplan.arrays import Float32Array, FloatArray
+from microplan.optics.outline.distance_field import DistanceField
+
+_APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
+_MOST = 40  # such points
+_LEAST_UM = 1.0  # width of a ray where it starts
+_FIRST, _LAST = np.float32(0.0), np.float32(1.0)
+
+IndexArray = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThickBody:
+    """Bodies of one outline and one height, where rays may meet them."""
+
+    distance: DistanceField
+    top_um: float  # above the plane that rays start from
+    under_um: float  # its underside; the top's for a flat face
+    wall_reflectance: float
+    is_sharp: bool = False  # near the plane that rays start from
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rays:
+    """Rays through points of a plane, each with all slopes."""
+
+    x_um: Float32Array  # (points, 1)
+    y_um: Float32Array
+    across: Float32Array  # (1, slopes): sideways a um of height
+    up: Float32Array
+
+    def at(self, z_um: float) -> tuple[Float32Array, Float32Array]:
+        """Return where rays pass a height above the plane, (points, slopes) um."""
+        return (
+            self.x_um + np.float32(z_um) * self.across,
+            self.y_um + np.float32(z_um) * self.up,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """Rays in the grid of a body's distances: where they start, and a um higher."""
+
+    field: DistanceField
+    u: Float32Array
+    v: Float32Array
+    du: Float32Array
+    dv: Float32Array
+
+    @classmethod
+    def of(cls, body: ThickBody, rays: Rays) -> Paths:
+        """Return all rays."""
+        field = body.distance
+        start, slope = (rays.x_um, rays.y_um), (rays.across, rays.up)
+        return cls(field, *field.places(*start), *field.directions(*slope))
+
+    def some(self, point: IndexArray, ray: IndexArray) -> Paths:
+        """Return some rays, of (N,) indices of points and slopes."""
+        u, v = self.u[point, 0], self.v[point, 0]
+        return Paths(self.field, u, v, self.du[0, ray], self.dv[0, ray])
+
+    def at(self, z_um: float) -> Float32Array:
+        """Return how far rays pass from the outline, (points, slopes) or (N,) um."""
+        z = np.float32(z_um)
+        return self.field.read(self.u + z * self.du, self.v + z * self.dv)
+
+
+def rays_of(points_um: FloatArray, tangents: FloatArray) -> Rays:
+    """Return rays through points (N, 2) um with slopes (M, 2)."""
+    x, y = points_um.astype(np.float32).T[:, :, None]
+    across, up = tangents.astype(np.float32).T[:, None, :]
+    return Rays(x_um=x, y_um=y, across=across, up=up)
+
+
+def covers(body: ThickBody, rays: Rays, soft: float) -> Float32Array:
+    """Return what a body's top covers of rays, (points, slopes), 0..1.
+
+    A ray stands for its share of the pupil: it is `soft` um wide for each um of
+    height, and one um more.
+    """
+    distance = Paths.of(body, rays).at(body.top_um)
+    return _share(distance / _width(body.top_um, soft))
+
+
+def hides(
+    body: ThickBody, rays: Rays, soft: float, *, from_um: float, to_um: float
+) -> Float32Array:
+    """Return what a body hides of rays between two heights, (points, slopes), 0..1.
+
+    Of a sharp body, which is met at `from_um`, only what rays approach: those that
+    leave through its edge do not meet the wall there.
+    """
+    paths = Paths.of(body, rays)
+    ends = [paths.at(z_um) for z_um in (from_um, to_um)]
+    length = abs(to_um - from_um) * np.hypot(rays.across, rays.up)
+    width = _width(max(abs(from_um), abs(to_um)), soft)
+    if body.is_sharp:
+        least = ends[1] / _width(to_um, soft)
+        # a distance changes by the way at most: nearer than this none comes
+        open_ = (ends[0] + ends[1] - length) / 2 < width / 2
+    else:
+        least = np.minimum(
+            *(
+                end / _width(z_um, soft)
+                for end, z_um in zip(ends, (from_um, to_um), strict=True)
+            )
+        )
+        open_ = ((ends[0] + ends[1] - length) / 2 < width / 2) & (least > -0.5)
+    point, ray = np.nonzero(open_)
+    if point.size:
+        heights = heights_between(rays, from_um, to_um)
+        few = paths.some(point, ray)
+        near = _approached if body.is_sharp else _passed
+        least[point, ray] = near(few, heights, ends[0][point, ray],
+                                 least[point, ray], soft)  # fmt: skip
+    return _share(least)
+
+
+def _passed(
+    few: Paths,
+    heights: FloatArray,
+    _before: Float32Array,
+    least: Float32Array,
+    soft: float,
+) -> Float32Array:
+    """Return the least distance between heights, over the rays' width."""
+    for z_um in heights[1:-1]:
+        now = few.at(z_um) / _width(z_um, soft)
+        np.minimum(least, now, out=least)
+    return least
+
+
+def _approached(
+    few: Paths,
+    heights: FloatArray,
+    before: Float32Array,
+    last: Float32Array,
+    soft: float,
+) -> Float32Array:
+    """Return the same once a ray approaches the body; the last if it never does."""
+    least = np.full_like(before, np.inf)
+    approaching = np.zeros(before.shape, dtype=np.bool_)
+    for z_um in heights[1:]:
+        now = few.at(z_um)
+        approaching |= now < before
+        np.minimum(least, now / _width(z_um, soft), out=least, where=approaching)
+        before = now
+    return np.where(approaching, least, last)
+
+
+def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:
+    """Return heights, (K + 1,) um, between which the steepest ray travels a little."""
+    slope = float(np.hypot(rays.across, rays.up).max())
+    count = min(max(math.ceil(abs(to_um - from_um) * slope / _APART_UM), 1), _MOST)
+    return np.linspace(from_um, to_um, count + 1)
+
+
+def _width(z_um: float, soft: float) -> np.float32:
+    return np.float32(_LEAST_UM + soft * abs(z_um))
+
+
+def _share(distance: Float32Array) -> Float32Array:
+    """Return what is covered of a ray at a distance over its width."""
+    found: Float32Array = np.clip(np.float32(0.5) - distance, _FIRST, _LAST)
+    return found

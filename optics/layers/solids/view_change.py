@@ -1,0 +1,153 @@
+"""What walls change of an image: solid less flat bodies, and mirrored rays.
+
+Flat faces are blended, and what they hide together is added. A body of some thickness
+hides more: rays that pass beside its top rim meet the wall. That is smooth, but at the
+edges of what is near focus, which multiply it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from microplan.arrays import Float32Array, FloatArray
+from microplan.optics.layers.joint_occlusion import JointResidual
+from microplan.optics.layers.lattice import Lattice
+from microplan.optics.layers.solids.mirrored_rays import mirrored
+from microplan.optics.layers.solids.solid_bodies import (
+    MIRRORED,
+    SentLight,
+    SolidFace,
+    rays_from,
+    rays_outside,
+)
+from microplan.optics.layers.solids.straight_rays import (
+    Rays,
+    ThickBody,
+    covers,
+    hides,
+)
+from microplan.optics.transfer.microscope import Microscope
+
+_ROUNDING_UM = 1e-6  # heights this close are one
+
+
+def solid_view(
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    lattice: Lattice,
+    microscope: Microscope,
+) -> JointResidual:
+    """Return what walls change of an image, on the points of a lattice.
+
+    Parameters
+    ----------
+    faces : sequence of SolidFace
+        The lowest first, heights from focus.
+    plane : SentLight, optional
+        Of the plane below everything, `plane_um` from focus.
+    lattice : Lattice
+        Points in the plane in focus.
+    """
+    rays, soft = rays_from(lattice, microscope)
+    solid, flat = (
+        _straight(faces, plane, plane_um, rays, soft, walls=walls)
+        for walls in (True, False)
+    )
+    below, *sharp, above = (one - other for one, other in zip(solid, flat, strict=True))
+    shaped = [each.reshape(lattice.shape) for each in (below, *sharp, above)]
+    return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
+
+
+def mirrored_view(
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    lattice: Lattice,
+    microscope: Microscope,
+) -> JointResidual | None:
+    """Return what rays that walls mirror add to an image, None if none does.
+
+    Arguments as in `solid_view`. What lies as high as the plane in focus is in focus in
+    a vertical mirror, too: points are closer than for what is lost at walls.
+    """
+    bodies = [face.body for face in faces]
+    if not any(body.wall_reflectance > 0 for body in bodies):
+        return None
+    rays, _ = rays_from(lattice, microscope, MIRRORED)
+    args = bodies, [face.sends for face in faces], plane, plane_um
+    above = mirrored(*args, rays, above_um=0.0)
+    outside = rays_outside([b for b in bodies if b.is_sharp], rays)
+    below = mirrored(*args, outside, below_um=0.0)
+    fields = [each.reshape(lattice.shape) / MIRRORED for each in (above, below)]
+    dark = tuple(np.zeros(lattice.shape) for body in bodies if body.is_sharp)
+    return JointResidual(above=fields[0], sharp=dark, below=fields[1])
+
+
+def _straight(
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    rays: Rays,
+    soft: float,
+    *,
+    walls: bool,
+) -> list[FloatArray]:
+    """Return the fields that rays see without a mirror, (points,) means each."""
+    bodies = [face.body for face in faces]
+    sharp = [body for body in bodies if body.is_sharp]
+    split_um = sharp[0].top_um if sharp else -math.inf
+    below, above = np.zeros((2, rays.x_um.size))
+    between = []
+    lowest = [body for body in bodies if body.top_um <= plane_um + _ROUNDING_UM]
+
+    @cache
+    def free_at(z_um: float) -> Float32Array:
+        higher = [body for body in bodies if body.top_um > z_um]
+        return _free(higher, z_um, rays, soft, walls=walls)
+
+    if plane is not None and plane.reflectance > 0:
+        free = free_at(max([plane_um, *(body.top_um for body in lowest)]))
+        for body in lowest:
+            free = free * (1 - covers(body, rays, soft))
+        sent = free * plane(*rays.at(plane_um))
+        below += sent.mean(axis=1, dtype=np.float64)
+    for face in faces:
+        z_um = face.body.top_um
+        free = free_at(z_um)
+        if face.body.is_sharp:
+            unit = replace(face.sends, reflectance=1.0)
+            sent = free * unit(*rays.at(z_um))
+            between.append(sent.mean(axis=1, dtype=np.float64))
+        elif face.sends.reflectance > 0:
+            sent = free * covers(face.body, rays, soft) * face.sends(*rays.at(z_um))
+            field = below if z_um < split_um else above
+            field += sent.mean(axis=1, dtype=np.float64)
+    return [below, *between, above]
+
+
+def _free(
+    bodies: Sequence[ThickBody],
+    z_um: float,
+    rays: Rays,
+    soft: float,
+    *,
+    walls: bool,
+) -> Float32Array:
+    """Return what bodies leave of each ray on its way to a height.
+
+    Tops near focus are left out: they hide the same of all rays.
+    """
+    found = np.ones((rays.x_um.size, rays.across.size), dtype=np.float32)
+    for body in bodies:
+        low_um = max(body.under_um, z_um)
+        if walls and low_um < body.top_um:
+            found *= 1 - hides(body, rays, soft, from_um=body.top_um, to_um=low_um)
+        elif not body.is_sharp:
+            found *= 1 - covers(body, rays, soft)
+    return found

@@ -1,0 +1,115 @@
+"""What walls of bodies change of an image, at its pixels."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.optics.layers.coaxial_light import area_um
+from microplan.optics.layers.joint_occlusion import JointResidual
+from microplan.optics.layers.lattice import Area, Lattice
+from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
+from microplan.optics.layers.solids.solid_bodies import (
+    LightTable,
+    SentLight,
+    SolidFace,
+    is_solid,
+    solid_bodies,
+)
+from microplan.optics.layers.solids.view_change import mirrored_view, solid_view
+from microplan.optics.outline.clip import grown
+from microplan.optics.render.render import Covered
+from microplan.optics.render.scene import Layer, Scene
+
+# Walls are traced from points this far apart, but from at most so many a side, and
+# meet light on points as far apart as the second two say.
+_WALLS_UM, _WALLS_MOST = 4.0, 40
+_MIRRORED_UM, _MIRRORED_MOST = 3.0, 60
+_TABLE_UM, _TABLE_MOST = 2.0, 120
+
+
+def wall_residual(
+    view: ShadedView,
+    scene: Scene,
+    covered: Sequence[Covered],
+    shaded: Mapping[float, ShadedFace],
+) -> FloatArray | None:
+    """Return what walls change of a blended image, (rows, columns), None if nothing.
+
+    Share of full scale, at the pixels.
+
+    Parameters
+    ----------
+    view : ShadedView
+        The image.
+    covered : sequence of Covered
+        All layers of the scene, blurred.
+    shaded : mapping of float to ShadedFace
+        By height, what is shaded.
+    """
+    if not is_solid([c.layer for c in covered]):
+        return None
+    m, layers = view.microscope, [c.layer for c in covered]
+    area = area_um(m, view.frame, view.shift_um, 0.0)
+    side = max(area[2] - area[0], area[3] - area[1])
+    lattice = Lattice.over(area, max(_WALLS_UM, side / _WALLS_MOST))
+    low_um = min(la.z_um if la.underside_um is None else la.underside_um
+                 for la in layers)  # fmt: skip
+    floor_um = low_um - 1 if (z := scene.background_z_um) is None else z
+    heights = [*(layer.z_um for layer in layers), low_um, floor_um]
+    widest = max(view.reach_um(height) for height in heights)
+    around = grown(area, widest)
+    sharp_um = view.near_um / view.reach_um(view.focus_um + 1.0)
+    found = solid_bodies(layers, view.focus_um, around, sharp_um)
+    found.sort(key=lambda pair: (pair[0].z_um, pair[0].name))
+    tables = {
+        z_um: _table(face, area_um(m, view.frame, view.shift_um, z_um - view.focus_um))
+        for z_um, face in shaded.items()
+    }
+    faces = [
+        SolidFace(body=body, sends=_sent(tables.get(layer.z_um), layer))
+        for layer, body in found
+    ]
+    plane = SentLight(
+        table=tables.get(floor_um), reflectance=scene.background, finish=0.0
+    )
+    args = faces, plane, floor_um - view.focus_um
+    coverage = {id(c.layer): c.coverage for c in covered}
+    sharp = [(la, coverage[id(la)]) for la, body in found if body.is_sharp]
+    image = _laid(view, solid_view(*args, lattice, m), lattice, sharp)
+    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST))
+    mirrors = mirrored_view(*args, close, m)
+    return image if mirrors is None else image + _laid(view, mirrors, close, sharp)
+
+
+def _laid(
+    view: ShadedView,
+    change: JointResidual,
+    lattice: Lattice,
+    sharp: Sequence[tuple[Layer, FloatArray]],
+) -> FloatArray:
+    """Return fields at the pixels, past layers near focus with their coverage."""
+    image = view.at_pixels(change.below, lattice)
+    pairs = zip(sharp, change.sharp, strict=True)
+    for _, group in itertools.groupby(pairs, key=lambda pair: pair[0][0].z_um):
+        own = [(la, cover, light) for (la, cover), light in group]
+        image *= 1 - np.sum([cover for _, cover, _ in own], axis=0)
+        for layer, cover, light in own:
+            sent = layer.reflectance * cover
+            image += sent * view.at_pixels(light, lattice)
+    return image + view.at_pixels(change.above, lattice)
+
+
+def _table(face: ShadedFace, area: Area) -> LightTable:
+    """Return the light on a face at points all over an area."""
+    step = max(_TABLE_UM, (area[2] - area[0]) / _TABLE_MOST)
+    lattice = Lattice.over(area, step, more=0)
+    return LightTable(lattice=lattice, share=face.on(lattice).astype(np.float32))
+
+
+def _sent(table: LightTable | None, layer: Layer) -> SentLight:
+    """Return what a layer sends back."""
+    return SentLight(table=table, reflectance=layer.reflectance, finish=layer.finish)

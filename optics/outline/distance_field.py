@@ -1,0 +1,198 @@
+"""Signed distances from an outline on a grid in the outline's own frame, kept.
+
+Bodies that only move share their grid: an outline is turned and shifted until its first
+edge lies along x from the origin.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.optics.outline.clip import EdgeArrays, to_edges
+from microplan.optics.outline.outline import Arc, Outline, place
+from microplan.optics.outline.scanlines import cells
+
+STEP_UM = 0.5  # of the grid: a distance errs by half the diagonal, .35 um, at most
+BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more
+_ROUND = 5  # digits of um: what is moved back lies within 1e-9 um of itself
+_EVEN_UM = 64.0  # areas wanted end at whole multiples: those nearly alike share grids
+Key = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistanceField:
+    """Distances from an outline's edges, um, negative inside."""
+
+    turn: tuple[float, float]  # cosine and sine of the outline's frame in the world
+    origin_um: tuple[float, float]  # of that frame, in the world
+    corner_um: tuple[float, float]  # of the grid's first point, in that frame
+    values: Float32Array  # (rows, columns), y upwards
+
+    def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
+        """Return distances at the grid's points nearest to world points, (...) um."""
+        return self.read(*self.places(x, y))
+
+    def read(self, u: Float32Array, v: Float32Array) -> Float32Array:
+        """Return the distances at `places`, or linear functions of them, (...) um."""
+        column, row = self._nearest(u, v)
+        row *= self.values.shape[1]
+        row += column
+        return self.values.ravel().take(row)
+
+    def normal(
+        self, x: Float32Array, y: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Return unit vectors outwards of the nearest edges at points, (...) um."""
+        column, row = self._nearest(*self.places(x, y))
+        rows, columns = self.values.shape
+        left, right = np.maximum(column - 2, 0), np.minimum(column + 2, columns - 1)
+        low, high = np.maximum(row - 2, 0), np.minimum(row + 2, rows - 1)
+        u = self.values[row, right] - self.values[row, left]
+        v = self.values[high, column] - self.values[low, column]
+        length = np.maximum(np.hypot(u, v), np.float32(1e-6))
+        c, s = (np.float32(value) for value in self.turn)
+        return (c * u - s * v) / length, (s * u + c * v) / length
+
+    def places(
+        self, x: Float32Array, y: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Return world points, (...) um, in the grid's steps, half a step on.
+
+        Floors round then.
+        """
+        (c, s), (x0, y0) = self.turn, self.origin_um
+        k = 1 / STEP_UM
+        u, v = self.directions(x, y)
+        u += np.float32(0.5 - k * (c * x0 + s * y0 + self.corner_um[0]))
+        v += np.float32(0.5 - k * (c * y0 - s * x0 + self.corner_um[1]))
+        return u, v
+
+    def directions(
+        self, x: Float32Array, y: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        """Return world vectors, (...) um, in the grid's steps."""
+        c, s = (np.float32(value / STEP_UM) for value in self.turn)
+        return c * x + s * y, c * y - s * x
+
+    def _nearest(
+        self, u: Float32Array, v: Float32Array
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return the nearest column and row, at the rim for points beyond."""
+        rows, columns = self.values.shape
+        column = np.minimum(np.maximum(u, np.float32(0)), np.float32(columns - 1))
+        row = np.minimum(np.maximum(v, np.float32(0)), np.float32(rows - 1))
+        return column.astype(np.int32), row.astype(np.int32)
+
+
+def distance_field(
+    outline: Outline, area: tuple[float, float, float, float]
+) -> DistanceField | None:
+    """Return distances from an outline's edges wherever an area lies.
+
+    Parameters
+    ----------
+    outline : Outline
+        In the world, um.
+    area : (x_min, y_min, x_max, y_max)
+        Where distances are wanted, um.
+
+    Returns
+    -------
+    DistanceField or None
+        None where the outline stays farther off than `BEYOND_UM`.
+    """
+    if not outline.rings:
+        return None
+    first = outline.rings[0].edges[0]
+    (x0, y0), toward = first.start, first.end
+    if isinstance(first, Arc):
+        toward = first.at(0.25)
+    turn = math.atan2(toward[1] - y0, toward[0] - x0)
+    c, s = math.cos(turn), math.sin(turn)
+    half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
+    dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
+    u, v = c * dx + s * dy, c * dy - s * dx
+    box = tuple(
+        _EVEN_UM * (math.floor if k < 2 else math.ceil)((at + away) / _EVEN_UM)
+        for k, (at, away) in enumerate(((u, -half), (v, -half), (u, half), (v, half)))
+    )
+    own = place(place(outline, -x0, -y0), 0.0, 0.0, -turn)
+    found = _kept(_key(own), (box[0], box[1], box[2], box[3]))
+    if found is None:
+        return None
+    return DistanceField(
+        turn=(c, s), origin_um=(x0, y0), corner_um=found[0], values=found[1]
+    )
+
+
+def _key(outline: Outline) -> Key:
+    """Return the edges, rounded: segments of four numbers, arcs of five."""
+    edges = to_edges(outline)
+    return tuple(
+        tuple(round(value, _ROUND) + 0.0 for value in row)
+        for row in (*edges.segments.tolist(), *edges.arcs.tolist())
+    )
+
+
+@lru_cache(maxsize=32)
+def _kept(
+    key: Key, box: tuple[float, float, float, float]
+) -> tuple[tuple[float, float], Float32Array] | None:
+    """Return the grid's corner and values, from the rounded edges alone."""
+    lines = np.array([row for row in key if len(row) == 4]).reshape(-1, 4)
+    arcs = np.array([row for row in key if len(row) == 5]).reshape(-1, 5)
+    edges = EdgeArrays(segments=lines, arcs=arcs)
+    left, low, right, high = edges.bounds_um
+    near = (left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM)
+    box = (max(box[0], near[0]), max(box[1], near[1]),
+           min(box[2], near[2]), min(box[3], near[3]))  # fmt: skip
+    if box[0] >= box[2] or box[1] >= box[3]:
+        return None
+    columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
+    rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
+    x: FloatArray = box[0] + STEP_UM * np.arange(columns, dtype=np.float64)
+    y: FloatArray = box[1] + STEP_UM * np.arange(rows, dtype=np.float64)
+    away = _distances(lines, arcs, x, y)
+    inside = _inside(edges, box, rows, columns)
+    values = np.where(inside, -away, away).astype(np.float32)
+    values.setflags(write=False)
+    return (box[0], box[1]), values
+
+
+def _distances(
+    lines: FloatArray, arcs: FloatArray, x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Return the distance of (rows, columns) points to the nearest edge, um."""
+    found = np.full((y.size, x.size), np.inf)
+    for x0, y0, x1, y1 in lines:
+        dx, dy = x1 - x0, y1 - y0
+        px, py = x - x0, (y - y0)[:, None]
+        t = np.clip((px * dx + py * dy) / max(dx * dx + dy * dy, 1e-30), 0.0, 1.0)
+        np.minimum(found, np.hypot(px - t * dx, py - t * dy), out=found)
+    for cx, cy, radius, start, sweep in arcs:
+        px, py = x - cx, (y - cy)[:, None]
+        round_ = np.abs(np.hypot(px, py) - radius)
+        if abs(sweep) < 2 * math.pi - 1e-9:
+            after = np.mod((np.arctan2(py, px) - start) * np.sign(sweep), 2 * math.pi)
+            ends = [
+                np.hypot(px - radius * math.cos(a), py - radius * math.sin(a))
+                for a in (start, start + sweep)
+            ]
+            round_ = np.where(after <= abs(sweep), round_, np.minimum(*ends))
+        np.minimum(found, round_, out=found)
+    return found
+
+
+def _inside(
+    edges: EdgeArrays, box: tuple[float, float, float, float], rows: int, columns: int
+) -> BoolArray:
+    """Return whether points lie inside, (rows, columns), y upwards."""
+    top_um = box[1] + (rows - 0.5) * STEP_UM
+    covered = cells(edges, box[0] - STEP_UM / 2, top_um, STEP_UM, (rows, columns))
+    return np.asarray(covered[::-1] > 0.5)

@@ -1,0 +1,54 @@
+"""Distances on a grid against distances point by point."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, distance_field
+from microplan.optics.outline.outline import flatten, place
+from tests.optics.shapes import disc, gear
+
+AREA = (-70.0, -70.0, 70.0, 70.0)
+RIM_UM = STEP_UM * math.sqrt(0.5) + 1e-3  # half a cell's diagonal, and chords
+
+
+def test_distances_are_those_of_the_polygon() -> None:
+    shape = place(gear(), 3.0, -2.0, 0.7)
+    field = distance_field(shape, AREA)
+    assert field is not None
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-60, 60, (2, 400)).astype(np.float32)
+    found = field.at(x, y)
+    shell, hole = (flatten(ring, 1e-4) for ring in shape.rings)
+    solid = shapely.Polygon(shell, [hole])
+    points = shapely.points(x, y)
+    away = shapely.distance(solid.boundary, points)
+    truth = np.where(shapely.contains(solid, points), -away, away)
+    near = away < BEYOND_UM
+    assert np.abs(found - truth)[near].max() < RIM_UM
+    assert (found[~near] > BEYOND_UM - RIM_UM).all()
+
+
+def test_a_body_that_moves_keeps_its_distances() -> None:
+    """To the bit: it is the same grid, wherever the body goes."""
+    one = distance_field(disc(22.0), AREA)
+    other = distance_field(place(disc(22.0), 5.0, -3.0), AREA)
+    assert one is not None
+    assert other is not None
+    assert one.values is other.values
+
+
+def test_a_body_far_off_has_no_distances() -> None:
+    assert distance_field(place(disc(5.0), 4000.0, 0.0), AREA) is None
+
+
+def test_normals_point_outwards() -> None:
+    field = distance_field(disc(20.0), AREA)
+    assert field is not None
+    angle = np.linspace(0.1, 6.1, 9)
+    x, y = (20.0 * np.stack([np.cos(angle), np.sin(angle)])).astype(np.float32)
+    u, v = field.normal(x, y)
+    np.testing.assert_allclose(u * np.cos(angle) + v * np.sin(angle), 1.0, atol=0.05)
