@@ -50,8 +50,15 @@ class SolidPictures:
         scale: float,
     ) -> FloatArray:
         """Return a part of a frame; see `camera.Pictures`."""
+        view = self.view(lamp, height_px=height_px, scale=scale)
+        return photograph(bodies_of(self._truth), view, window)
+
+    def view(
+        self, lamp: LampLevel, *, height_px: int, scale: float = 1.0
+    ) -> ImagingView:
+        """Return the present setting of lens, light and camera."""
         optics, lens = self._truth.world.optics, self._lens
-        view = ImagingView(
+        return ImagingView(
             aperture=lens.aperture,
             wavelength_um=optics.wavelength_um,
             medium_index=optics.medium_index,
@@ -66,7 +73,6 @@ class SolidPictures:
             errors=lens.errors,
             lamp=lamp,
         )
-        return photograph(bodies_of(self._truth), view, window)
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
         """Return what the sensor makes of a picture."""

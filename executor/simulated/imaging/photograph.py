@@ -50,7 +50,7 @@ GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used 
 TILE_PX = 220  # larger windows are taken in pieces
 FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
 KEPT = 6  # scenes
-MOST_RAYS = 2_500_000  # through a plane's points
+MOST_RAYS = 4_000_000  # through a plane's points
 
 
 def photograph(
