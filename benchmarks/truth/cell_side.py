@@ -41,11 +41,8 @@ class Photographed:
 
 def flawless(world: World, surface: Surface) -> World:
     """Return a world without errors whose bodies all have one surface."""
-    wall = (surface.wall, surface.wall)
-    finish = (surface.finish, surface.finish)
     optics = replace(
-        world.optics, parcentric_sigma_um=0.0, scale_sigma=0.0,
-        focus_repeatability_um=0.0, lateral_sigma_um_per_um=0.0, light_gradient=0.0,
+        world.optics, scale_sigma=0.0, focus_repeatability_um=0.0, light_gradient=0.0,
         lens=replace(
             world.optics.lens, distortion_sigma=0.0, scale_sigma_per_um=0.0,
             field_curvature_sigma_per_um=0.0,
@@ -53,23 +50,48 @@ def flawless(world: World, surface: Surface) -> World:
     )  # fmt: skip
     parts = tuple(
         replace(
-            part, sigma_xy_um=0.0, sigma_theta_rad=0.0, theta_any=False,
-            profile_tolerance_um=0.0, wall_reflectance=wall, finish=finish,
+            part,
+            profile_tolerance_um=0.0,
+            posts=tuple(replace(p, profile_tolerance_um=0.0) for p in part.posts),
+        )
+        for part in world.parts
+    )
+    return at_rest(with_surface(replace(world, optics=optics, parts=parts), surface))
+
+
+def with_surface(world: World, surface: Surface) -> World:
+    """Return a world whose bodies all have one surface."""
+    wall = (surface.wall, surface.wall)
+    finish = (surface.finish, surface.finish)
+    parts = tuple(
+        replace(
+            part,
+            wall_reflectance=wall,
+            finish=finish,
             posts=tuple(
-                replace(
-                    post, profile_tolerance_um=0.0, wall_reflectance=wall,
-                    finish=finish,
-                )
+                replace(post, wall_reflectance=wall, finish=finish)
                 for post in part.posts
             ),
         )
         for part in world.parts
-    )  # fmt: skip
+    )
+    tools = tuple(
+        replace(tool, wall_reflectance=wall, finish=finish) for tool in world.tools
+    )
+    return replace(world, parts=parts, tools=tools)
+
+
+def at_rest(world: World) -> World:
+    """Return a world whose axes land where they are sent and whose image stays."""
     return replace(
-        world, stage=_exact(world.stage), robot=_exact(world.robot), optics=optics,
-        stage_tilt_sigma_rad=0.0, stage_drift_um_per_min=0.0, parts=parts,
-        tools=tuple(
-            replace(tool, wall_reflectance=wall, finish=finish) for tool in world.tools
+        world, stage=_exact(world.stage), robot=_exact(world.robot),
+        stage_tilt_sigma_rad=0.0, stage_drift_um_per_min=0.0,
+        optics=replace(
+            world.optics, parcentric_sigma_um=0.0, lateral_sigma_um_per_um=0.0
+        ),
+        parts=tuple(
+            replace(part, sigma_xy_um=0.0, sigma_theta_rad=0.0, theta_any=False)
+            for part in world.parts
         ),
     )  # fmt: skip
 
@@ -92,7 +114,8 @@ def photographed(
     plan_file: Path, look: Look, placed: LookScene, surface: Surface
 ) -> Photographed:
     """Return a look's scene and view on the cell, with nothing off."""
-    cell = build_cell(flawless(read_world(plan_file.with_name("world.json")), surface), 0)
+    world = read_world(plan_file.with_name("world.json"))
+    cell = build_cell(flawless(world, surface), 0)
     put(cell, placed)
     view, region = look.view, look.measure.region
     cell.lens.set_magnification(view.magnification)

@@ -74,7 +74,8 @@ def task_of(path: Path, surface: Surface) -> Task:
         for name, part in task.parts.items()
     }
     tools: Mapping[str, Tool] = {
-        name: replace(tool, surface=stated) for name, tool in task.workcell.tools.items()
+        name: replace(tool, surface=stated)
+        for name, tool in task.workcell.tools.items()
     }
     return replace(task, parts=parts, workcell=replace(task.workcell, tools=tools))
 

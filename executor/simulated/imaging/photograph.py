@@ -49,7 +49,7 @@ NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
 GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
 TILE_PX = 220  # larger windows are taken in pieces
 FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
-KEPT = 6  # scenes
+KEPT = 3  # scenes
 MOST_RAYS = 4_000_000  # through a plane's points
 
 
