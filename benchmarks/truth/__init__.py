@@ -3,5 +3,5 @@
 In: an example's task and plan folder. Out: figures `truth.*`.
 The type that passes: `JudgedLook` (judged_looks).
 May be touched here: which looks, how many samples; never what either side renders with.
-Watched by: tests/benchmarks/truth/test_judged_looks.py, test_waves.py.
+Watched by: tests/benchmarks/truth/test_waves.py, test_comparison.py.
 """
