@@ -70,14 +70,14 @@ class Pictures(Protocol):
         height_px: int,
         scale: float,
     ) -> FloatArray:
-        """Return a part of a frame so high, as a share of full scale.
+        """Return a part of a frame so high, (rows, columns) shares of full scale.
 
-        `scale` times the true magnification is what the lens shows.
+        Windows are in px; `scale` times the true magnification is what the lens shows.
         """
         ...
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture."""
+        """Return what the sensor makes of a picture, (rows, columns) px counts."""
         ...
 
 

@@ -49,7 +49,7 @@ class SolidPictures:
         height_px: int,
         scale: float,
     ) -> FloatArray:
-        """Return a part of a frame; see `camera.Pictures`."""
+        """Return (rows, columns) px of a frame, shares of 1; see `camera.Pictures`."""
         view = self.view(lamp, height_px=height_px, scale=scale)
         return photograph(bodies_of(self._truth), view, window)
 
@@ -75,7 +75,7 @@ class SolidPictures:
         )
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture."""
+        """Return what the sensor makes of a picture, (rows, columns) px counts."""
         optics = self._truth.world.optics
         return counted(
             image,
