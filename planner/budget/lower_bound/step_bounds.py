@@ -32,7 +32,6 @@ from microplan.planner.budget.step_budget import left_of
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import BiasRow
 
-DIRECTIONS = 8  # of a bias beside an offset that is there already
 TRIALS = "trials: its mean is known so well"
 APPROACH = "approach by {}"
 
@@ -225,16 +224,4 @@ def worst_miss(job: Insertion, bias_um: float, first_um: float) -> float:
 
 def _worst(job: Insertion, bias_um: float) -> float:
     """Return the largest probability of a miss over a disc of biases."""
-    if bias_um <= 0:
-        return job.miss
-    if job.offset_um == 0:
-        return max(job.miss, job.missed_with(bias_um))
-    ways = [job.offset_rad + 2 * math.pi * k / DIRECTIONS for k in range(DIRECTIONS)]
-    return max(job.miss, *(_moved(job, bias_um, way).miss for way in ways))
-
-
-def _moved(job: Insertion, by_um: float, way_rad: float) -> Insertion:
-    """Return the insertion with one more offset."""
-    x = job.offset_um * math.cos(job.offset_rad) + by_um * math.cos(way_rad)
-    y = job.offset_um * math.sin(job.offset_rad) + by_um * math.sin(way_rad)
-    return replace(job, offset_um=math.hypot(x, y), offset_rad=math.atan2(y, x))
+    return max(job.miss, job.missed_with(max(bias_um, 0.0)))
