@@ -37,10 +37,6 @@ PIECE_NODES = 6
 # How closely the mean over the wide axis is found; probabilities are quoted to 4
 # digits.
 CLOSE = 1e-5
-DIRECTIONS = 8  # of one more offset
-BETWEEN = math.cos(
-    math.pi / DIRECTIONS
-)  # of a direction's length, half way to the next
 NO_ANGLE = AngleError(left_rad=0.0, cut_rad=math.inf, rows=())
 
 
@@ -131,9 +127,14 @@ class Insertion:
     @property
     def angle_um(self) -> float:
         """Return what one sigma of the angle moves the shaft's farthest point by."""
+        return 0.0 if self.angle is None else self.angle.sigma_rad * self.reach_um
+
+    @property
+    def reach_um(self) -> float:
+        """Return how far the shaft's farthest point is, 0 where no angle matters."""
         if self.angle is None or not isinstance(self.fit, OutlineFit):
             return 0.0
-        return self.angle.sigma_rad * slices_of(self.fit.shape).reach_um
+        return slices_of(self.fit.shape).reach_um
 
     @property
     def seating(self) -> Seating:
@@ -181,30 +182,19 @@ class Insertion:
     def missed_with(self, offset_um: float) -> float:
         """Return the probability of a miss with one more offset in the worst direction.
 
-        Of a round fit without an offset the rest is widest along one direction and
-        narrowest across it: the worse of both. Otherwise eight directions are tried; of
-        outlines, whose worst may lie between, corners of an octagon around all of them.
+        To an offset that is there already it adds up. Without one the rest is widest
+        along one direction and narrowest across it: the worse of both. Outlines have
+        less room by it all round, which is as bad as the worst direction or worse.
         """
-        if offset_um == 0:
-            return self.miss
         if isinstance(self.fit, OutlineFit):
-            turns, offset_um = self._around(self.hole_rad), offset_um / BETWEEN
-        elif self.offset_um == 0:
-            _, _, angle = self.rest.principal
-            turns = {angle, angle + math.pi / 2} if self._leans else {0.0}
-        else:
-            turns = self._around(self.offset_rad)
-        return max(self._moved(offset_um, turn).miss for turn in turns)
-
-    def _around(self, first_rad: float) -> set[float]:
-        """Return directions all around, from one on."""
-        return {first_rad + math.tau * k / DIRECTIONS for k in range(DIRECTIONS)}
-
-    def _moved(self, by_um: float, way_rad: float) -> Insertion:
-        """Return the insertion with one more offset."""
-        x = self.offset_um * math.cos(self.offset_rad) + by_um * math.cos(way_rad)
-        y = self.offset_um * math.sin(self.offset_rad) + by_um * math.sin(way_rad)
-        return replace(self, offset_um=math.hypot(x, y), offset_rad=math.atan2(y, x))
+            return self.widened(-2 * offset_um).miss
+        if offset_um == 0 or self.offset_um != 0:
+            return replace(self, offset_um=abs(self.offset_um) + offset_um).miss
+        _, _, angle = self.rest.principal
+        turns = {angle, angle + math.pi / 2} if self._leans else {0.0}
+        return max(
+            replace(self, offset_um=offset_um, offset_rad=turn).miss for turn in turns
+        )
 
     @property
     def _leans(self) -> bool:

@@ -134,10 +134,13 @@ def _needed(
         return had
     if point < goal or had < 1:
         return None
+    doubt = run.level.rate_doubt
     for doubling in range(1, MOST_DOUBLINGS + 1):
         more = run.with_trials(2.0**doubling)
-        steps = math.prod(each.success_low for each in more.lows())
-        if steps - undetected_upper(more.looks, run.level.rate_doubt) >= goal:
+        wanted = goal + undetected_upper(more.looks, doubt)
+        if wanted > point:  # steps need not be looked at
+            continue
+        if math.prod(each.success_low for each in more.lows()) >= wanted:
             return had << doubling
     return None
 
