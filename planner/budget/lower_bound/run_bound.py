@@ -120,9 +120,10 @@ def success_bound(
 
 
 def _box(run: BoundedRun) -> tuple[BiasRow, ...]:
-    """Return the sides of all steps' boxes."""
+    """Return the sides of all steps' boxes, but those of which nothing is known."""
     doubt = run.level.term_doubt
-    return tuple(row for told in run.measured for row in biases(told, doubt))
+    rows = (row for told in run.measured for row in biases(told, doubt))
+    return tuple(row for row in rows if math.isfinite(row.half_width_um))
 
 
 def _needed(

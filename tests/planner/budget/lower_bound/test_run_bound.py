@@ -15,6 +15,7 @@ from benchmarks.compiling.keyed import write_task
 from benchmarks.compiling.outline_shapes import d_shape
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.budget import EMPTY_BUDGET
+from microplan.planner.budget.lower_bound.bounded_history import bounded
 from microplan.planner.budget.lower_bound.run_bound import BoundedRun, success_bound
 from microplan.planner.budget.lower_bound.step_bounds import (
     MeasuredStep,
@@ -174,6 +175,16 @@ def test_biases_add_up_and_a_plan_of_old_trials_is_taken_as_stated() -> None:
     seen = {k: replace(v, repeatability=None) for k, v in step.history.seen.items()}
     old = replace(step, history=replace(step.history, seen=seen, before=None))
     assert success_share(old, 0.01) == 1.0
+
+
+@pytest.mark.parametrize("answered", [0, 1])
+def test_a_look_that_hardly_answers_shows_nothing(answered: int) -> None:
+    none = replace(known(), answered=answered, sigma_um=(0.0, 0.0))
+    bound = success_bound(run(insert(0.0, none)), None)
+    assert bound.success_low == 0
+    assert bound.biases == ()  # a plan holds no infinite number
+    turned = look("part", "see", 0.0, sigma_theta_rad=0.0)
+    assert bounded(replace(turned, repeatability=none), 0.01).sigma_theta_rad == 0
 
 
 def test_coherence_is_a_bias_of_both_looks_together() -> None:
