@@ -203,9 +203,9 @@ class Slices:
         drawn = self.at(turn_rad, max(hole_um, 0.0), min(peg_um, 0.0))
         return shapely.union_all(shapely.buffer(list(drawn), -less_um, quad_segs=16))
 
-    def capture_um(self, wider_um: float = 0.0) -> float:
+    def capture_um(self, wider_um: float = 0.0, turn_rad: float = 0.0) -> float:
         """Return the distance from the planned place to the edge of its slice, or 0."""
-        middle, pieces = Point(0.0, 0.0), self.at(0.0, wider_um)
+        middle, pieces = Point(0.0, 0.0), self.at(turn_rad, wider_um)
         holding = next((p for p in pieces if p.contains(middle)), None)
         return 0.0 if holding is None else float(holding.boundary.distance(middle))
 

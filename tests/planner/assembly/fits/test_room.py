@@ -14,6 +14,7 @@ from benchmarks.compiling.outline_shapes import (
     hollow,
     keyed,
     slot,
+    star,
 )
 from microplan.optics.outline.outline import Arc, Outline
 from microplan.planner.assembly.fits.peg_in_hole import PegInHole
@@ -79,6 +80,33 @@ def test_a_bar_turns_until_its_corners_touch() -> None:
     turn = math.asin(12 / math.hypot(30, 10)) - math.atan2(10, 30)
     assert (back, forth) == pytest.approx((-turn, turn), rel=0.02)
     assert clearance_um(found) == pytest.approx(4.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("loose", [1.1, 1.15])
+def test_a_loose_hexagon_stops_before_the_next_side(loose: float) -> None:
+    found = fit(star([20.0 * loose] * 6), star([20.0] * 6))
+    # corners reach the sides where cos(30 deg - t) is their distance over the radius
+    turn = math.radians(30) - math.acos(loose * math.cos(math.radians(30)))
+    assert free_angles_rad(found) == pytest.approx((-turn, turn), rel=2e-3)
+
+
+def test_what_bridges_two_arms_is_deepest_between_them() -> None:
+    fork = closed(
+        [
+            (-10, -10),
+            (10, -10),
+            (10, 10),
+            (2, 10),
+            (2, -5),
+            (-2, -5),
+            (-2, 10),
+            (-10, 10),
+        ]
+    )
+    overlap = overlap_of(fit(fork, box(8, 2)))
+    assert overlap is not None
+    assert overlap.depth_um == pytest.approx(2.0)  # 4 um of wall, from either side
+    assert overlap.at_um[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_key_is_found_where_its_keyway_is() -> None:
