@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+import shapely
 
 from benchmarks.compiling.outline_shapes import (
     box,
@@ -17,7 +18,7 @@ from benchmarks.compiling.outline_shapes import (
     star,
 )
 from microplan.optics.outline.outline import Arc, Outline
-from microplan.planner.assembly.fits.peg_in_hole import PegInHole
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole, ring_points
 from microplan.planner.assembly.fits.room import (
     angle_elsewhere_rad,
     capture_um,
@@ -80,6 +81,23 @@ def test_a_bar_turns_until_its_corners_touch() -> None:
     turn = math.asin(12 / math.hypot(30, 10)) - math.atan2(10, 30)
     assert (back, forth) == pytest.approx((-turn, turn), rel=0.02)
     assert clearance_um(found) == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_curve_of_thousands_of_corners_is_taken_as_its_chords() -> None:
+    turns = [math.tau * k / 3000 for k in range(3000)]
+    radii = [50 + 5 * math.cos(5 * turn) for turn in turns]
+    hole, peg = star(radii), star([radius - 2 for radius in radii])
+    found = fit(hole, peg)
+    for outline in (found.hole, found.peg):
+        ring = outline.rings[0]
+        points = ring_points(ring, found.chord_um)
+        assert len(points) < 400  # chords of a circle of 50 um: 160
+        drawn = shapely.Polygon([edge.start for edge in ring.edges])
+        far = shapely.hausdorff_distance(drawn.boundary, shapely.LinearRing(points))
+        assert far <= found.chord_um
+    # 2 um along the radius are less across a slope, 25 um over 50 um at most
+    least = 2 * math.cos(math.atan(0.5)) - 2 * found.chord_um
+    assert least < capture_um(found) < 2
 
 
 @pytest.mark.parametrize("loose", [1.1, 1.15])
