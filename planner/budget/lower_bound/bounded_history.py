@@ -42,7 +42,7 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
         return seen
     factor = sigma_factor(known.answered, known.kurtosis, doubt)
     turn = seen.sigma_theta_rad
-    if turn is not None and known.kurtosis_theta is not None:
+    if turn and known.kurtosis_theta is not None:
         turn *= sigma_factor(known.answered, known.kurtosis_theta, doubt)
     own_um = seen.sigma_without_scale_um
     return replace(
@@ -66,11 +66,13 @@ def _grown(sigma_um: float, moved_um: float, factor: float) -> float:
 def bias_um(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far a measurement's bias may be from the one taken off, um.
 
-    The corner of the box of both axes, each at `doubt`.
+    The corner of the box of both axes, each at `doubt`; inf of fewer than two answers.
     """
     known = None if seen is None else seen.repeatability
     if known is None:
         return 0.0
+    if known.answered < 2:
+        return math.inf
     return half_width_factor(known.answered, doubt) * math.hypot(*known.half_width_um)
 
 
@@ -82,5 +84,7 @@ def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     known = None if seen is None else seen.repeatability
     if known is None or known.half_width_theta_rad is None:
         return 0.0
+    if known.answered < 2:
+        return math.inf
     half_rad = half_width_factor(known.answered, doubt) * known.half_width_theta_rad
     return abs(known.bias_theta_rad or 0.0) + half_rad

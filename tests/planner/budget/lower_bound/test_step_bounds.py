@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import ncx2
+from scipy.stats import ncx2, norm
 
+from benchmarks.compiling.outline_shapes import box, hollow
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.lower_bound.bounded_history import (
     bias_rad,
@@ -20,6 +22,7 @@ from microplan.planner.budget.lower_bound.bounded_history import (
 from microplan.planner.budget.lower_bound.sample_bounds import sigma_factor
 from microplan.planner.budget.lower_bound.step_bounds import worst_miss
 from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.schemas.plan import BudgetRow, Repeatability
 from tests.planner.placed import look
 
@@ -85,6 +88,21 @@ def test_alignments_that_end_at_once_have_the_bias_of_their_approach() -> None:
     expected = 0.25 * worst_miss(replace(later, residual=early), 0.8, 0.0)
     expected += 0.75 * worst_miss(later, 0.2, 0.0)
     assert worst_miss(job, 0.2, 0.8) == pytest.approx(expected)
+
+
+def test_a_bias_of_outlines_counts_in_the_direction_that_has_least_room() -> None:
+    shape = PegInHole(hole=hollow(box(40.0, 11.0)), peg=box(30.0, 10.0))
+    job = replace(
+        insertion(0.3),
+        fit=OutlineFit(shape=shape, hole_tolerance_um=0.0, shaft_tolerance_um=0.0),
+        hole_rad=0.2,
+    )
+    # the walls are 1 um away in y of the hole, and 10 um in x; less room on both
+    # sides of y is as bad as the worst direction or worse
+    across = norm.sf((1 - 0.8) / 0.3)
+    assert across <= worst_miss(job, 0.8, 0.0) <= 2 * across + CLOSE
+    beside = replace(job, offset_um=0.15, offset_rad=0.2 + math.pi / 2)
+    assert worst_miss(beside, 0.8, 0.0) >= norm.sf((1 - 0.8 - 0.15) / 0.3)
 
 
 @settings(max_examples=40)
