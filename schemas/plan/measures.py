@@ -95,6 +95,7 @@ class ModelCost:
     """
 
     pairs: int  # of images that the chain answered both of, of the effect with fewest
+    freedom: int  # degrees of freedom of the half-widths
     bias_um: tuple[float, float]  # mean error that they add; in a measure's `bias_um`
     half_width_um: tuple[float, float]  # of that, two-sided 95 %, with `interval_um`
     interval_um: tuple[float, float]  # of what is only known between two ends

@@ -110,7 +110,7 @@ def model_bias_um(seen: PastMeasurement | None, doubt: float) -> float:
     cost = None if seen is None else seen.model_cost
     if cost is None:
         return 0.0
-    factor = half_width_factor(cost.pairs, doubt)
+    factor = half_width_factor(cost.freedom + 1, doubt)
     pairs = zip(cost.half_width_um, cost.interval_um, strict=True)
     sides = [
         between + (factor * (half - between) if half > between else 0.0)
@@ -133,5 +133,7 @@ def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     if cost is None or cost.half_width_theta_rad is None:
         return found_rad
     between = cost.interval_theta_rad or 0.0
-    more = half_width_factor(cost.pairs, doubt) * (cost.half_width_theta_rad - between)
+    more = half_width_factor(cost.freedom + 1, doubt) * (
+        cost.half_width_theta_rad - between
+    )
     return found_rad + abs(cost.bias_theta_rad or 0.0) + between + more

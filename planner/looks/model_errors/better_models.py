@@ -21,17 +21,18 @@ VECTORS, SPECTRUM = "vectorial field", "spectrum of the light"
 WALLS, FINISH = "side walls", "finish of faces"
 # It has an interval of its own in the lower bound: `PastMeasurement.coherence_um`.
 CHARGED = ("partial coherence",)
-# Shares of the aperture whose scalar transfer functions make up the vectorial one.
-_APERTURES = (1.0, 0.95, 0.85)
+# Share of the aperture whose scalar transfer function, with that of all of it, makes up
+# the vectorial one to an eighth of what the two differ by.
+_INNER = 0.7
 _FREQUENCIES = 64
 _COLOURS = 3  # Gauss nodes over the flat band
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageModel:
-    """How an image is made: a weighted sum of looks, or rays through each pixel."""
+    """How an image is made: a mean of looks, or rays through each pixel."""
 
-    cases: tuple[tuple[float, LookCase], ...]
+    cases: tuple[tuple[float, LookCase], ...]  # with weights whose sum is 1
     is_traced: bool = False
 
 
@@ -44,6 +45,7 @@ class BetterModel:
     ends: tuple[ImageModel, ...]
     # each end at half of the poses; else both at all of them
     alternates: bool = False
+    against: LookCase | None = None  # what it is better than; None: the look itself
 
 
 def better_models(
@@ -82,52 +84,59 @@ def _traced(case: LookCase, effects: Collection[str]) -> BetterModel | None:
     return BetterModel(
         effects=named,
         by="rays that bodies hide and shade one by one",
-        ends=(ImageModel(cases=((1.0, case),), is_traced=True),),
+        ends=(ImageModel(cases=((1.0, flat(case)),), is_traced=True),),
+        against=flat(case),
     )
+
+
+def flat(case: LookCase) -> LookCase:
+    """Return a look with bodies that are dull faces, as most models have them."""
+
+    def faces(layers: tuple[Layer, ...]) -> tuple[Layer, ...]:
+        return tuple(
+            replace(layer, underside_um=None, wall_reflectance=0.0, finish=0.0)
+            for layer in layers
+        )
+
+    return replace(case, static=faces(case.static), moving=faces(case.moving))
 
 
 def _exact(case: LookCase, effects: Collection[str]) -> BetterModel:
     """Return the look by the exact law with all of its band."""
-    better = replace(case, model="exact", sampling=Sampling())
+    better = replace(flat(case), model="exact", sampling=Sampling())
     return BetterModel(
         effects=tuple(name for name in (LAW, BAND) if name in effects),
         by="the exact law with its whole band",
         ends=(ImageModel(cases=((1.0, better),)),),
+        against=flat(case),
     )
 
 
 def _vectorial(case: LookCase) -> BetterModel:
-    """Return the look by a vectorial field, as a sum of scalar ones.
-
-    Scalar transfer functions of a few apertures add up to the vectorial one.
-    """
-    scope = case.microscope
-    weights = vectorial_weights(scope.aperture / scope.medium_index)
-    cases = tuple(
-        (weight, replace(case, microscope=replace(
-            scope, aperture=share * scope.aperture)))
-        for share, weight in zip(_APERTURES, weights, strict=True)
-    )  # fmt: skip
+    """Return the look by a vectorial field, as a sum of two scalar ones."""
+    plain = flat(case)
+    scope = plain.microscope
+    inner = replace(scope, aperture=_INNER * scope.aperture)
+    weight = inner_weight(scope.aperture / scope.medium_index)
+    cases = ((1 - weight, plain), (weight, replace(plain, microscope=inner)))
     return BetterModel(
         effects=(VECTORS,),
         by="unpolarised light as a vector field",
         ends=(ImageModel(cases=cases),),
+        against=plain,
     )
 
 
 @lru_cache(maxsize=16)
-def vectorial_weights(sine: float) -> tuple[float, ...]:
-    """Return weights of scalar transfer functions that make up a vectorial one.
+def inner_weight(sine: float) -> float:
+    """Return the weight of the inner aperture's scalar field in a vectorial one.
 
-    Of the apertures' shares 1, .95 and .85; their sum is 1. `sine` is the aperture over
-    the index.
+    The rest is the whole aperture's; `sine` is that of the largest angle to the axis.
     """
     x = (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
-    columns = np.stack([diffraction(x / share) for share in _APERTURES], axis=1)
-    # the sum is 1: the last is what the others leave
-    wanted = vectorial_otf(x, sine) - columns[:, -1]
-    free, *_ = np.linalg.lstsq(columns[:, :-1] - columns[:, -1:], wanted, rcond=None)
-    return (*(float(weight) for weight in free), 1.0 - float(free.sum()))
+    scalar = diffraction(x)
+    column = diffraction(x / _INNER) - scalar
+    return float(column @ (vectorial_otf(x, sine) - scalar) / (column @ column))
 
 
 def _coloured(case: LookCase) -> BetterModel:
@@ -137,7 +146,7 @@ def _coloured(case: LookCase) -> BetterModel:
     cases = tuple(
         (
             float(weight) / 2,
-            replace(case, microscope=replace(
+            replace(flat(case), microscope=replace(
                 case.microscope,
                 wavelength_um=float(mean * (1 + FLAT_BAND / 2 * node)))),
         )
@@ -147,6 +156,7 @@ def _coloured(case: LookCase) -> BetterModel:
         effects=(SPECTRUM,),
         by=f"a flat band of {FLAT_BAND:.0%}",
         ends=(ImageModel(cases=cases),),
+        against=flat(case),
     )
 
 
@@ -205,4 +215,5 @@ def _ends(
         )
         for end in (0, 1)
     )
-    return tuple(ImageModel(cases=((1.0, each),)) for each in dict.fromkeys(found))
+    one, other = (ImageModel(cases=((1.0, each),)) for each in found)
+    return (one,) if one == other else (one, other)

@@ -26,13 +26,14 @@ from microplan.featuresel.trials.trials import (
 )
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
 from microplan.optics.render.scene import Scene, Window
-from microplan.planner.looks.model_errors.better_models import BetterModel, ImageModel
+from microplan.planner.looks.model_errors.better_models import BetterModel
 
 _MARGIN_PX = 12  # of a crop around the target's contour
-# Rays a pixel. `occluded` errs by .0014 rms with 256 and .0022 with 128 over the shaft.
-_RAYS, _FEWER, _MANY_PX = 256, 128, 80 * 80
+# Rays a pixel: as many as their time allows. `occluded` errs by .0014 rms with 256 and
+# by .0022 with 128 over the shaft, where it errs most.
+_SAMPLES, _FEWEST, _MOST = 1 << 21, 64, 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,7 @@ class PairedAnswer:
     model: int  # which better model
     end: int  # which of its ends
     trial: int
+    at_um: tuple[float, float]  # displacement of the target against what moves, too
     # the better image's answer less the other's, target's frame; None: not both answer
     off_um: tuple[float, float] | None
     turn_rad: float | None  # None: no angle is measured
@@ -88,31 +90,57 @@ def _at_pose(
 ) -> list[PairedAnswer]:
     """Return what chains say of all pairs at one pose."""
     sensor = noisier(case.sensor, trial.noise)
-    plain = ImageModel(cases=((1.0, case),))
-    usual = posed_image(plain, trial, case.window)
+    usual = posed_image(case, trial, case.window)
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     picture = to_unit(expose(usual, sensor, noise), sensor.bits)
     before = measure_picture(case, prepared, trial, picture)
     part = _part(case, trial)
     crop = case.window.part(*part)
+    known = [(case, usual[part])]
     found = []
     for model, better in enumerate(models):
         for end in _ends(better, trial):
-            other = better.ends[end]
-            if other == plain:
-                change = np.zeros((1, 1))
-            else:
-                change = posed_image(other, trial, crop) - usual[part]
-            top = sensor.top_count
+            change = _change(better, end, trial, crop, known)
             changed = picture.copy()
-            changed[part] = np.clip(picture[part] + sensor.gain * change, 0.0, 1.0)
-            changed[part] = np.rint(changed[part] * top) / top
+            changed[part] = _seen(picture[part] + sensor.gain * change, sensor)
             after = measure_picture(case, prepared, trial, changed)
             found += [
-                _answer(case, (model, end, trial.index), pair, float(abs(change).max()))
+                _answer(case, (model, end), trial, pair, float(abs(change).max()))
                 for pair in zip(before, after, strict=True)
             ]
     return found
+
+
+def _seen(image: FloatArray, sensor: Sensor) -> FloatArray:
+    """Return an image as counts have it, (rows, columns), 0..1."""
+    top = sensor.top_count
+    found: FloatArray = np.rint(np.clip(image, 0.0, 1.0) * top) / top
+    return found
+
+
+def _change(
+    better: BetterModel,
+    end: int,
+    trial: Trial,
+    crop: Window,
+    known: list[tuple[LookCase, FloatArray]],
+) -> FloatArray:
+    """Return the difference of a better image of a crop, (rows, columns).
+
+    `known` has images of the crop that are made, and takes what it is better than.
+    """
+    against = known[0][0] if better.against is None else better.against
+    rest = next((image for case, image in known if case == against), None)
+    if rest is None:
+        rest = posed_image(against, trial, crop)
+        known.append((against, rest))
+    other = better.ends[end]
+    change = np.zeros((crop.rows, crop.columns))
+    for weight, case in other.cases:
+        if other.is_traced or case != against:
+            image = posed_image(case, trial, crop, is_traced=other.is_traced)
+            change += weight * (image - rest)
+    return change
 
 
 def _ends(better: BetterModel, trial: Trial) -> tuple[int, ...]:
@@ -127,18 +155,10 @@ def _ends(better: BetterModel, trial: Trial) -> tuple[int, ...]:
     return (((trial.index // 2 + 1) // 2) % count,)
 
 
-def posed_image(model: ImageModel, trial: Trial, window: Window) -> FloatArray:
-    """Return the noise-free image of a trial by a model, (rows, columns)."""
-    total = np.zeros((window.rows, window.columns))
-    for weight, case in model.cases:
-        total += weight * _image(case, trial, window, is_traced=model.is_traced)
-    return total
-
-
-def _image(
-    case: LookCase, trial: Trial, window: Window, *, is_traced: bool
+def posed_image(
+    case: LookCase, trial: Trial, window: Window, *, is_traced: bool = False
 ) -> FloatArray:
-    """Return the noise-free image of one look."""
+    """Return the noise-free image of a look in a trial, (rows, columns)."""
     owner = case.target.name.partition(".")[0]
     turns = tuple(zip(case.spread.turning, trial.turns_rad, strict=False))
     seen = replace(
@@ -163,10 +183,16 @@ def _image(
         focus_um=seen.focus_um,
         window=window,
         light=seen.light,
-        samples=_RAYS if window.rows * window.columns <= _MANY_PX else _FEWER,
+        samples=_rays(window),
         step_um=seen.microscope.um_per_px,
         lamp_aperture=seen.lamp_aperture,
     )
+
+
+def _rays(window: Window) -> int:
+    """Return how many rays a pixel gets, a power of two."""
+    share = max(_SAMPLES // (window.rows * window.columns), 1)
+    return min(max(1 << (share.bit_length() - 1), _FEWEST), _MOST)
 
 
 def _part(case: LookCase, trial: Trial) -> tuple[slice, slice]:
@@ -193,13 +219,15 @@ def _slice(at_px: FloatArray, size: int) -> slice:
 
 def _answer(
     case: LookCase,
-    where: tuple[int, int, int],
+    where: tuple[int, int],
+    trial: Trial,
     pair: Sequence[Outcome],
     image_error: float,
 ) -> PairedAnswer:
-    """Return the difference of two answers at a model, an end and a trial."""
+    """Return the difference of two answers at a model's end in a trial."""
     before, after = pair
-    model, end, trial = where
+    model, end = where
+    x_um, y_um = trial.occluder_um
     off, turn, failure = None, None, ""
     one, other = before.target_um, after.target_um
     if one is not None and not is_wrong(case, before):
@@ -209,7 +237,8 @@ def _answer(
             off = (other[0] - one[0], other[1] - one[1])
             turn = _turned(case, before, after)
     return PairedAnswer(
-        chain=before.chain, model=model, end=end, trial=trial, off_um=off,
+        chain=before.chain, model=model, end=end, trial=trial.index,
+        at_um=(trial.dx_um - x_um, trial.dy_um - y_um), off_um=off,
         turn_rad=turn, failure=failure, image_error=image_error,
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,15 +17,18 @@ from microplan.schemas.plan import EffectCost, ModelCost
 
 _SHARE = 0.975  # below a two-sided 95 % half-width
 
+Poses = Mapping[int, FloatArray]  # by the number of a trial, an array (K,)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Difference of two answers along some axes, over poses: arrays of an entry each.
+    """Difference of two answers along K axes, over poses: arrays (K,).
 
     Of an interval the mean is the middle of both ends'.
     """
 
     pairs: int
+    freedom: int  # degrees of freedom of the half-width
     mean: FloatArray
     half_width: FloatArray  # two-sided 95 %, with the interval
     interval: FloatArray  # half of the distance between both ends' means
@@ -81,19 +84,15 @@ def effect_difference(
     fault = _too_few(model, ends, len(answers))
     if fault:
         return fault
-    turns = [[a.turn_rad for a in end if a.turn_rad is not None] for end in ends]
-    full = all(len(t) == len(e) for t, e in zip(turns, ends, strict=True))
+    full = all(a.turn_rad is not None for end in ends for a in end)
+    at_um = [{a.trial: np.array(a.at_um) for a in end} for end in ends]
+    places = [{a.trial: np.array(a.off_um) for a in end} for end in ends]
+    turns = [{a.trial: np.array([a.turn_rad]) for a in end} for end in ends]
+    apart = model.alternates
     return EffectDifference(
         model=model,
-        place=difference(
-            [np.array([a.off_um for a in end]) for end in ends],
-            is_apart=model.alternates,
-        ),
-        turn=difference(
-            [np.array(t)[:, None] for t in turns], is_apart=model.alternates
-        )
-        if full
-        else None,
+        place=difference(places, at_um, is_apart=apart),
+        turn=difference(turns, at_um, is_apart=apart) if full else None,
         image_error=max(a.image_error for a in answers),
     )
 
@@ -110,44 +109,105 @@ def _too_few(
     return f"{has} of {asked} pairs are answered, {LEAST} are needed"
 
 
-def difference(ends: Sequence[FloatArray], *, is_apart: bool) -> Difference:
+def difference(
+    ends: Sequence[Poses], at_um: Sequence[Poses], *, is_apart: bool
+) -> Difference:
     """Return the statistics of differences at one end, or at both of an interval.
 
     Parameters
     ----------
-    ends : sequence of (N, K) float array
-        Differences along K axes over N poses; at each end at least two.
+    ends : sequence of mapping of int to (K,) float array
+        Differences along K axes by the trial's number, at each end.
+    at_um : sequence of mapping of int to (2,) float array
+        The displacements of these trials, um; their mean is known to be 0.
     is_apart : bool
         Whether the ends were tried at poses of their own; else at the same ones.
 
+    Raises
+    ------
+    ValueError
+        If an end has fewer than `LEAST` / 2 poses.
+
     Notes
     -----
-    The mean's half-width is Student's. The middle of two ends and half their distance
-    are each known so well: both count.
+    The mean over poses is the value of a plane through the differences at the
+    displacement 0, and its half-width Student's by what the plane leaves: the
+    displacement is a control variate (Lavenberg and Welch 1981), so that what changes
+    its sign with it has no part. The middle of two ends and half their distance are
+    each known so well: both count.
     """
-    if any(len(end) < 2 for end in ends):
-        raise ValueError("an end needs at least two poses")
-    means = [end.mean(axis=0) for end in ends]
-    counts = [len(end) for end in ends]
-    rest = sum(((end - mean) ** 2).sum(axis=0)
-               for end, mean in zip(ends, means, strict=True))  # fmt: skip
-    sigma: FloatArray = np.sqrt(rest / (sum(counts) - len(ends)))
-    if len(ends) == 1:
-        free, error = counts[0] - 1, sigma / math.sqrt(counts[0])
-    elif is_apart:
-        free = sum(counts) - len(ends)
-        # of the middle, and of half the distance
-        error = sigma * math.sqrt(sum(1 / n for n in counts)) / len(ends) * 2
-    else:
-        free, error = min(counts) - 1, 2 * sigma / math.sqrt(min(counts))
+    if any(len(end) < LEAST // 2 for end in ends):
+        raise ValueError(f"an end needs {LEAST // 2} poses at least")
+    if len(ends) == 2 and not is_apart:
+        return _of_both(ends, at_um)
+    planes = [_plane(*each) for each in zip(ends, at_um, strict=True)]
+    means = [plane.mean for plane in planes]
+    free = max(sum(plane.freedom for plane in planes), 1)
+    left = np.sqrt(np.sum([plane.left for plane in planes], axis=0) / free)
+    error = left * math.sqrt(sum(p.scale for p in planes)) / len(planes)
     interval: FloatArray = (np.max(means, axis=0) - np.min(means, axis=0)) / 2
     return Difference(
-        pairs=sum(counts) if is_apart else min(counts),
+        pairs=sum(len(end) for end in ends),
+        freedom=free,
         mean=np.mean(means, axis=0),
-        half_width=interval + float(special.stdtrit(free, _SHARE)) * error,
+        half_width=interval + len(ends) * _student(free) * error,
         interval=interval,
-        sigma=sigma,
+        sigma=_pooled([list(end.values()) for end in ends]),
     )
+
+
+def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> Difference:
+    """Return the statistics of an interval whose ends were tried at the same poses."""
+    low, high = ends
+    both = [trial for trial in low if trial in high]
+    middle = _plane({k: (low[k] + high[k]) / 2 for k in both}, at_um[0])
+    apart = _plane({k: (high[k] - low[k]) / 2 for k in both}, at_um[0])
+    interval: FloatArray = np.abs(apart.mean)
+    free = max(middle.freedom, 1)
+    error = sum(np.sqrt(each.left / free * each.scale) for each in (middle, apart))
+    return Difference(
+        pairs=len(both),
+        freedom=free,
+        mean=middle.mean,
+        half_width=interval + _student(free) * error,
+        interval=interval,
+        sigma=_pooled([list(end.values()) for end in ends]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plane:
+    """A plane through values over displacements, K axes of them."""
+
+    mean: FloatArray  # (K,), at the displacement 0
+    left: FloatArray  # (K,), sum of squares that it leaves
+    freedom: int
+    scale: float  # of the mean's variance over that of a value
+
+
+def _plane(values: Poses, at_um: Poses) -> _Plane:
+    """Return the plane through values, in so far as displacements differ."""
+    numbers = np.array(list(values.values()))
+    matrix = np.array([[1.0, *at_um[trial]] for trial in values])
+    found, _, rank, _ = np.linalg.lstsq(matrix, numbers, rcond=None)
+    left = ((numbers - matrix @ found) ** 2).sum(axis=0)
+    scale = float(np.linalg.pinv(matrix.T @ matrix)[0, 0])
+    return _Plane(
+        mean=found[0], left=left, freedom=len(numbers) - int(rank), scale=scale
+    )
+
+
+def _student(freedom: int) -> float:
+    """Return Student's two-sided 95 % quantile."""
+    return float(special.stdtrit(freedom, _SHARE))
+
+
+def _pooled(values: Sequence[Sequence[FloatArray]]) -> FloatArray:
+    """Return the standard deviation about each group's own mean, (K,)."""
+    groups = [np.array(each) for each in values]
+    rest = np.sum([((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups], axis=0)
+    found: FloatArray = np.sqrt(rest / (sum(map(len, groups)) - len(groups)))
+    return found
 
 
 def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
@@ -162,6 +222,7 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
     is_turned = len(known) == len(found)
     return ModelCost(
         pairs=min(place.pairs for place in places),
+        freedom=min(place.freedom for place in places),
         bias_um=_pair(_sum([place.mean for place in places])),
         half_width_um=_pair(_sum([place.half_width for place in places])),
         interval_um=_pair(_sum([place.interval for place in places])),
@@ -218,6 +279,7 @@ def together_cost(
     own = [part for part in known if part.half_width_theta_rad is not None]
     return ModelCost(
         pairs=min(part.pairs for part in known),
+        freedom=min(part.freedom for part in known),
         bias_um=(0.0, 0.0),
         half_width_um=(half, half),
         interval_um=(interval, interval),
