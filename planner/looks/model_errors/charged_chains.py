@@ -18,3 +18,4 @@ class ChargedChains:
     rows: Mapping[str, EffectDifference] = field(default_factory=dict)  # by effect
     fault: str = ""  # why an effect cannot be charged; "": all are
     swapped: str = ""  # why the fallback is used instead of the chain; "": it is not
+    dropped: str = ""  # why there is no fallback any more; "": there is, or was none

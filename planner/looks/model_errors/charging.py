@@ -19,6 +19,7 @@ from microplan.planner.looks.model_errors.better_models import (
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.looks.model_errors.image_pairs import PairedAnswer, image_pairs
 from microplan.planner.looks.model_errors.model_cost import (
+    WRONG,
     EffectDifference,
     effect_difference,
     model_cost,
@@ -77,7 +78,7 @@ def charged(
         tried, why = _without(tried, is_swapped=True), own
         return tried, replace(_charges(spare, None), swapped=why)
     if isinstance(spare, str):
-        return _without(tried), _charges(own, None)
+        return _without(tried), replace(_charges(own, None), dropped=spare)
     return tried, _charges(own, spare)
 
 
@@ -99,7 +100,7 @@ def _differences(
     count = problem.context.effort.pairs
     answers = _answers(problem, tried, models, chains, slice(0, count))
     found = _by_chain(models, chains, answers)
-    if any(isinstance(each, str) for each in found.values()):
+    if any(isinstance(each, str) and WRONG not in each for each in found.values()):
         more = slice(count, count + SPARE)
         answers += _answers(problem, tried, models, chains, more)
         found = _by_chain(models, chains, answers)

@@ -31,9 +31,9 @@ from microplan.optics.render.scene import Scene, Window
 from microplan.planner.looks.model_errors.better_models import BetterModel
 
 _MARGIN_PX = 12  # of a crop around the target's contour
-# Rays a pixel: as many as their time allows. `occluded` errs by .0014 rms with 256 and
-# by .0022 with 128 over the shaft, where it errs most.
-_SAMPLES, _FEWEST, _MOST = 1 << 21, 64, 256
+# Rays a pixel: as many as their time allows. `occluded` errs by .0022 rms with 128 and
+# by .0042 with 64 over the shaft, where it errs most.
+_SAMPLES, _FEWEST, _MOST = 1 << 20, 64, 128
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class PairedAnswer:
     model: int  # which better model
     end: int  # which of its ends
     trial: int
-    at_um: tuple[float, float]  # displacement of the target against what moves, too
+    at_um: tuple[float, float]  # displacement of the target
     # the better image's answer less the other's, target's frame; None: not both answer
     off_um: tuple[float, float] | None
     turn_rad: float | None  # None: no angle is measured
@@ -78,7 +78,9 @@ def image_pairs(
     map : callable
         As in `microplan.featuresel.trials.trials.run`.
     """
-    work = partial(_at_pose, case, prepared, models)
+    parts = [_part(case, trial) for trial in trials]
+    common = _around([rows for rows, _ in parts]), _around([cut for _, cut in parts])
+    work = partial(_at_pose, case, prepared, models, common)
     return tuple(answer for found in map(work, trials) for answer in found)
 
 
@@ -86,6 +88,7 @@ def _at_pose(
     case: LookCase,
     prepared: PreparedRoutines,
     models: tuple[BetterModel, ...],
+    part: tuple[slice, slice],
     trial: Trial,
 ) -> list[PairedAnswer]:
     """Return what chains say of all pairs at one pose."""
@@ -94,7 +97,6 @@ def _at_pose(
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     picture = to_unit(expose(usual, sensor, noise), sensor.bits)
     before = measure_picture(case, prepared, trial, picture)
-    part = _part(case, trial)
     crop = case.window.part(*part)
     known = [(case, usual[part])]
     found = []
@@ -210,6 +212,11 @@ def _part(case: LookCase, trial: Trial) -> tuple[slice, slice]:
     return _slice(row, window.rows), _slice(column, window.columns)
 
 
+def _around(found: Sequence[slice]) -> slice:
+    """Return the smallest slice that holds all of some."""
+    return slice(min(s.start for s in found), max(s.stop for s in found))
+
+
 def _slice(at_px: FloatArray, size: int) -> slice:
     """Return the pixels about some positions; all where they lie outside."""
     first = max(math.floor(at_px.min()) - _MARGIN_PX, 0)
@@ -227,7 +234,6 @@ def _answer(
     """Return the difference of two answers at a model's end in a trial."""
     before, after = pair
     model, end = where
-    x_um, y_um = trial.occluder_um
     off, turn, failure = None, None, ""
     one, other = before.target_um, after.target_um
     if one is not None and not is_wrong(case, before):
@@ -238,7 +244,7 @@ def _answer(
             turn = _turned(case, before, after)
     return PairedAnswer(
         chain=before.chain, model=model, end=end, trial=trial.index,
-        at_um=(trial.dx_um - x_um, trial.dy_um - y_um), off_um=off,
+        at_um=(trial.dx_um, trial.dy_um), off_um=off,
         turn_rad=turn, failure=failure, image_error=image_error,
     )  # fmt: skip
 

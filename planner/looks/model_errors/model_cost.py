@@ -15,6 +15,7 @@ from microplan.planner.looks.model_errors.image_pairs import PairedAnswer
 from microplan.planner.looks.model_errors.used_poses import LEAST
 from microplan.schemas.plan import EffectCost, ModelCost
 
+WRONG = "answered wrongly"  # in words of why a cost is open: more poses do not help
 _SHARE = 0.975  # below a two-sided 95 % half-width
 
 Poses = Mapping[int, FloatArray]  # by the number of a trial, an array (K,)
@@ -76,7 +77,7 @@ def effect_difference(
     """
     wrong = sum(a.failure == "wrong" for a in answers)
     if wrong:
-        return f"{wrong} of {len(answers)} better images are answered wrongly"
+        return f"{wrong} of {len(answers)} better images are {WRONG}"
     ends = [
         [a for a in answers if a.end == end and a.off_um is not None]
         for end in range(len(model.ends))

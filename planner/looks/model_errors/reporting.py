@@ -41,6 +41,13 @@ def report_costs(
                 f"{each.charges.swapped}",
                 "state what the image is not sure of (walls, finish, light)",
             )
+        if each.charges.dropped:
+            report.fact(
+                CODE,
+                request.where,
+                f"look {request.id!r}: its fallback is left out, since what errors of "
+                f"images cost is not known of it: {each.charges.dropped}",
+            )
     words = cost_words(look.effects, look.model_cost)
     if words:
         report.fact(CODE, request.where, f"look {request.id!r}: {words}")

@@ -20,9 +20,9 @@ def used_poses(
 
     Every other pair of them lies on the rim of what the step hands over, in directions
     that divide it evenly: where an alignment stops, or a verification still agrees.
-    The others are random, as the workcell states it: where the first look is. Each
-    pose comes with its mirror image about the nominal one, so that an error that
-    changes its sign with the displacement has no mean.
+    The others are random, as the workcell states it: where the first look is. Each pose
+    comes with its mirror image about the nominal one, so that an error that changes its
+    sign with the displacement has no mean.
 
     Parameters
     ----------
@@ -44,12 +44,13 @@ def used_poses(
     rim_um = within_um or _RIM_SIGMAS * case.drawn.pose_sigma_xy_um
     found = []
     for pair in range(pairs):
-        first = drawn[2 * pair]
+        first = _still(drawn[2 * pair])
         if pair % 2 == 0:
             turn, third = divmod(pair // 2, 3)
             way = math.pi * third / 3 + math.pi / 6 * turn
             x, y = rim_um * math.cos(way), rim_um * math.sin(way)
-            first = replace(first, dx_um=x, dy_um=y)
+            still = tuple(0.0 for _ in first.turns_rad)
+            first = replace(first, dx_um=x, dy_um=y, turns_rad=still)
         first = replace(first, index=2 * pair, model=case.model)
         second = replace(_mirrored(first), index=2 * pair + 1,
                          seed=drawn[2 * pair + 1].seed)  # fmt: skip
@@ -57,14 +58,29 @@ def used_poses(
     return tuple(found)
 
 
+def _still(trial: Trial) -> Trial:
+    """Return a trial at the nominal focus and zoom in which the target alone moves.
+
+    What hides it is displaced against it all the same. So the others are transformed
+    once for all poses.
+    """
+    x, y = trial.occluder_um
+    return replace(
+        trial,
+        dx_um=trial.dx_um - x,
+        dy_um=trial.dy_um - y,
+        dz_um=0.0,
+        magnification=1.0,
+        occluder_um=(0.0, 0.0),
+    )
+
+
 def _mirrored(trial: Trial) -> Trial:
     """Return a trial with everything displaced and turned the other way."""
-    x, y = trial.occluder_um
     return replace(
         trial,
         dx_um=-trial.dx_um,
         dy_um=-trial.dy_um,
         dtheta_rad=-trial.dtheta_rad,
-        occluder_um=(-x, -y),
         turns_rad=tuple(-turn for turn in trial.turns_rad),
     )
