@@ -11,7 +11,9 @@ from microplan.planner.cli.main import main
 from microplan.planner.diff.changes import KINDS
 from tests.planner.diff.test_compare import TEXT, Data, look
 
-BOTH = "P(success) 0.9971 in both, feasible in both"
+CHANCE = f"{json.loads(TEXT)['success_probability']:.4f}"
+LEFT_OUT = "; not in P(success): grasp (may slip)"
+BOTH = f"P(success) {CHANCE} in both, feasible in both{LEFT_OUT}"
 
 
 @pytest.fixture
@@ -105,7 +107,8 @@ def test_causes_stand_before_what_follows_and_alike_stands_together(
     assert alike[1].startswith("    find_gear/looks/find_gear/effects/")
     assert alike[3:] == [
         "", f"{count - 2} not listed; --all shows them",
-        "P(success) 0.9971 before, 0.7000 now, feasible before, infeasible now",
+        f"P(success) {CHANCE} before, 0.7000 now, feasible before, infeasible now"
+        f"{LEFT_OUT}",
     ]  # fmt: skip
     assert main(["diff", *stricter, "--all"]) == 1
     lines = capsys.readouterr().out.splitlines()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from microplan.planner.store.summary import CONTRAST, left_out, plan_summary
-from microplan.schemas.plan import EffectRow, Look, Plan, parse_plan
+from microplan.schemas.plan import EffectCost, Look, Plan, parse_plan
 from tests.planner.examples import ROOT
 
 
@@ -33,15 +33,19 @@ def test_what_pictures_err_by_beyond_the_limit_is_paid_in_um(golden: Plan) -> No
         assert all(row.cost is not None and row.cost.pairs >= 12 for row in over)
         cost = look.model_cost
         assert cost is not None
+        paid = _paid(look)
         for axis in (0, 1):
-            bias = sum(row.cost.bias_um[axis] for row in _once(look))  # type: ignore[union-attr]  # all of them have one
+            bias = sum(found.bias_um[axis] for found in paid)
             assert cost.bias_um[axis] == pytest.approx(bias, abs=1e-5)
-        assert look.sigma_xy_um >= max(look.measure.model_cost.sigma_um)  # type: ignore[union-attr]  # as above
+        own = look.measure.model_cost
+        assert own is not None
+        assert look.sigma_xy_um >= max(own.sigma_um)
 
 
-def _once(look: Look) -> list[EffectRow]:
-    """Return a look's paid rows, one of those that are paid together."""
-    return list({row.cost.by: row for row in look.effects if row.cost}.values())
+def _paid(look: Look) -> list[EffectCost]:
+    """Return what a look's rows cost; those that are paid together once."""
+    found = [row.cost for row in look.effects if row.cost is not None]
+    return list({cost.by: cost for cost in found}.values())
 
 
 @pytest.mark.parametrize(
@@ -73,6 +77,6 @@ def test_the_lower_bound_stands_beside_the_probability(
 
 def test_a_focus_sweep_that_is_not_in_the_time_is_named(golden: Plan) -> None:
     said = plan_summary(golden)
-    assert "axes 3.03 s; without the focus sweep of check_seated\n" in said
+    assert said.endswith("axes 3.03 s; without the focus sweep of check_seated")
     steps = tuple(step for step in golden.steps if step.verb != "verify")
     assert "focus sweep" not in plan_summary(replace(golden, steps=steps))
