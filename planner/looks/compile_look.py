@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from microplan.featuresel.selection.evaluate import is_fit
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import WRONG_TOLERANCES
+from microplan.planner.looks.cost_findings import report_costs
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.looks.feature_evaluation import begin_features
 from microplan.planner.looks.feature_sets import FeatureSetSearch, wanted
@@ -20,7 +21,6 @@ from microplan.planner.looks.look_record import (
     measured,
 )
 from microplan.planner.looks.measures import MeasuredFeature
-from microplan.planner.looks.model_errors.reporting import report_costs
 from microplan.planner.looks.records import commonest_hint, rejections
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task

@@ -22,7 +22,7 @@ Poses = Mapping[int, FloatArray]  # by the number of a trial, an array (K,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class AnswerShift:
     """Difference of two answers along K axes, over poses: arrays (K,).
 
     Of an interval the mean is the middle of both ends'.
@@ -41,8 +41,8 @@ class EffectDifference:
     """What one better model changes of a chain's answers."""
 
     model: BetterModel
-    place: Difference  # um, both axes of the target's frame
-    turn: Difference | None  # rad; None: no angle is measured
+    place: AnswerShift  # um, both axes of the target's frame
+    turn: AnswerShift | None  # rad; None: no angle is measured
     image_error: float  # largest difference of the images, share of full scale
 
     @property
@@ -112,7 +112,7 @@ def _too_few(
 
 def difference(
     ends: Sequence[Poses], at_um: Sequence[Poses], *, is_apart: bool
-) -> Difference:
+) -> AnswerShift:
     """Return the statistics of differences at one end, or at both of an interval.
 
     Parameters
@@ -147,7 +147,7 @@ def difference(
     left = np.sqrt(np.sum([plane.left for plane in planes], axis=0) / free)
     error = left * math.sqrt(sum(p.scale for p in planes)) / len(planes)
     interval: FloatArray = (np.max(means, axis=0) - np.min(means, axis=0)) / 2
-    return Difference(
+    return AnswerShift(
         pairs=sum(len(end) for end in ends),
         freedom=free,
         mean=np.mean(means, axis=0),
@@ -157,7 +157,7 @@ def difference(
     )
 
 
-def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> Difference:
+def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> AnswerShift:
     """Return the statistics of an interval whose ends were tried at the same poses."""
     low, high = ends
     both = [trial for trial in low if trial in high]
@@ -166,7 +166,7 @@ def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> Difference:
     interval: FloatArray = np.abs(apart.mean)
     free = max(middle.freedom, 1)
     error = sum(np.sqrt(each.left / free * each.scale) for each in (middle, apart))
-    return Difference(
+    return AnswerShift(
         pairs=len(both),
         freedom=free,
         mean=middle.mean,

@@ -105,11 +105,9 @@ def test_causes_stand_before_what_follows_and_alike_stands_together(
         "(-50 %)"
     )
     assert alike[1].startswith("    find_gear/looks/find_gear/effects/")
-    assert alike[3:] == [
-        "", f"{count - 2} not listed; --all shows them",
-        f"P(success) {CHANCE} before, 0.7000 now, feasible before, infeasible now"
-        f"{LEFT_OUT}",
-    ]  # fmt: skip
+    chances = f"P(success) {CHANCE} before, 0.7000 now"
+    verdict = f"{chances}, feasible before, infeasible now{LEFT_OUT}"
+    assert alike[3:] == ["", f"{count - 2} not listed; --all shows them", verdict]
     assert main(["diff", *stricter, "--all"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.endswith("/limit") for line in lines) == count

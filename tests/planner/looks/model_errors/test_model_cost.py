@@ -10,7 +10,7 @@ import pytest
 
 from microplan.planner.looks.model_errors.better_models import BetterModel
 from microplan.planner.looks.model_errors.model_cost import (
-    Difference,
+    AnswerShift,
     EffectDifference,
     difference,
     model_cost,
@@ -84,7 +84,7 @@ def test_an_end_of_too_few_poses_is_refused() -> None:
 def effect(mean: float, sigma: float) -> EffectDifference:
     pair = np.array([mean, -mean])
     flat = np.abs(pair)
-    place = Difference(
+    place = AnswerShift(
         pairs=12, freedom=9, mean=pair, half_width=flat / 2, interval=flat / 4,
         sigma=np.array([sigma, sigma]),
     )  # fmt: skip
