@@ -37,8 +37,7 @@ def report_costs(
                 CODE,
                 request.where,
                 f"look {request.id!r}: {' > '.join(each.chosen.chain)} is used, since "
-                f"what errors of images cost is not known of the better chain: "
-                f"{each.charges.swapped}",
+                f"errors of images spoil the better chain: {each.charges.swapped}",
                 "state what the image is not sure of (walls, finish, light)",
             )
         if each.charges.dropped:

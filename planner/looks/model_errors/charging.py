@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import PreparedRoutines
+from microplan.optics.outline.tolerant_order import at_most
 from microplan.planner.assembly.assembly import Body, bodies
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.look_problem import LookProblem
@@ -50,8 +53,8 @@ def charged(
 ) -> tuple[Evaluation, ChargedChains]:
     """Return what effects cost a feature's chain and fallback.
 
-    Where the chain cannot be charged, its fallback takes its place if it can, and if
-    the look `may_swap` them; a fallback that cannot is left out. Where neither can,
+    Where the chain cannot be charged, or misses its tolerance by what it is charged,
+    its fallback takes its place if it can, and if the look `may_swap` them; a fallback that cannot is left out. Where neither can,
     `fault` says why.
     """
     selection = tried.comparison.selection
@@ -68,9 +71,14 @@ def charged(
     scores = [s for s in (selection.chosen, selection.fallback) if s is not None]
     chains = tuple(dict.fromkeys(score.chain for score in scores))
     found = _differences(problem, tried, models, chains)
-    own = found[selection.chosen.chain]
+    own: tuple[EffectDifference, ...] | str = found[selection.chosen.chain]
     spare_chain = None if selection.fallback is None else selection.fallback.chain
     spare = None if spare_chain is None else found[spare_chain]
+    spoilt = _spoilt(tried, selection.chosen, own)
+    if spoilt and not isinstance(spare, str) and spare is not None and may_swap:
+        other = selection.fallback
+        if other is not None and not _spoilt(tried, other, spare):
+            own = spoilt
     if isinstance(own, str):
         if spare is None or isinstance(spare, str) or not may_swap:
             fault = f"{' > '.join(selection.chosen.chain)}: {own}"
@@ -80,6 +88,26 @@ def charged(
     if isinstance(spare, str):
         return _without(tried), replace(_charges(own, None), dropped=spare)
     return tried, _charges(own, spare)
+
+
+def _spoilt(
+    tried: Evaluation,
+    score: ChainScore,
+    found: tuple[EffectDifference, ...] | str,
+) -> str:
+    """Return that errors of images make a chain miss its tolerance, "" if not."""
+    cost = None if isinstance(found, str) else model_cost(found)
+    if cost is None or score.sigma_um is None:
+        return ""
+    sigma_um = math.hypot(score.sigma_um, max(cost.sigma_um))
+    need_um = 2 * sigma_um + math.hypot(*cost.half_width_um)
+    tolerance_um = tried.case.tolerance_um
+    if at_most(need_um, tolerance_um):
+        return ""
+    return (
+        f"2 sigma and the half-width are {need_um:.3g} um, tolerance "
+        f"{tolerance_um:.3g} um"
+    )
 
 
 def _bodies(problem: LookProblem) -> tuple[Body, ...]:
