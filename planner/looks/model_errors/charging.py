@@ -54,8 +54,8 @@ def charged(
     """Return what effects cost a feature's chain and fallback.
 
     Where the chain cannot be charged, or misses its tolerance by what it is charged,
-    its fallback takes its place if it can, and if the look `may_swap` them; a fallback that cannot is left out. Where neither can,
-    `fault` says why.
+    its fallback takes its place if it can, and if the look `may_swap` them; a fallback
+    that cannot is left out. Where neither can, `fault` says why.
     """
     selection = tried.comparison.selection
     effects = open_effects(rows)
