@@ -14,7 +14,7 @@ from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
-from microplan.schemas.plan import Budget, BudgetRow, Repeatability
+from microplan.schemas.plan import Budget, BudgetRow, ModelCost, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
@@ -42,6 +42,8 @@ class PastMeasurement:
     sigma_without_scale_um: float | None = None
     moved_um: float = 0.0  # what moves since add to both sigmas; stated, not measured
     repeatability: Repeatability | None = None  # what it is known by; None: unknown
+    # what errors of its images cost, its sigma in those above; None: nothing
+    model_cost: ModelCost | None = None
 
     @property
     def term(self) -> str:

@@ -53,6 +53,7 @@ def remember(
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
         repeatability=look.look.repeatability,
+        model_cost=look.model_cost,
     )
     owner = owner_of(look.look.target)
     angle = {} if seen.sigma_theta_rad is None else {owner: seen}

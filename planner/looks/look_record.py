@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -34,6 +34,12 @@ from microplan.planner.looks.measures import (
     look_key,
     measure_record,
 )
+from microplan.planner.looks.model_errors.charging import (
+    charged,
+    finish_row,
+    with_costs,
+)
+from microplan.planner.looks.model_errors.model_cost import of_either, together_cost
 from microplan.planner.looks.records import (
     evidence,
     scene_record,
@@ -110,7 +116,8 @@ def effect_rows(
         lens_rows(task, request.state, shape, spot, case.microscope),
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
-    return tuple(p.EffectRow(**asdict(row)) for row in rows)
+    found = tuple(p.EffectRow(**asdict(row)) for row in rows)
+    return (*found, finish_row(tried.fidelity.limit))
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
@@ -164,6 +171,7 @@ class CompiledLook:
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light moves it
     placed: LookScene
+    model_cost: p.ModelCost | None = None  # at most of chain and fallback
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
     sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
     figures: LookFigures | None = None  # what reports show of it
@@ -176,6 +184,7 @@ class LookDecision:
     tried: Evaluation  # of its target
     found: tuple[MeasuredFeature, ...]  # the features measured, the target first
     rows: tuple[p.FeatureRow, ...]  # of all features
+    effects: tuple[p.EffectRow, ...]  # the ledger
     together: ChosenSet | None  # None: the target alone
     refused: tuple[ZoomTried, ...]  # magnifications, before the one that does
 
@@ -185,16 +194,20 @@ def measured(
     tried: Evaluation,
     shape: TargetShape | None = None,
     sigma_um: float | None = None,
+    effects: Sequence[p.EffectRow] = (),
 ) -> MeasuredFeature:
     """Return a measured feature with the range and the bias of its chain.
+
+    `effects` is the look's ledger; what is above its limit there is charged.
 
     Raises
     ------
     ValueError
         If no chain was chosen.
     """
-    case, context = tried.case, problem.context
-    chosen = tried.comparison.selection.chosen
+    context = problem.context
+    tried, charges = charged(problem, tried, effects, may_swap=sigma_um is None)
+    case, chosen = tried.case, tried.comparison.selection.chosen
     if chosen is None:
         raise ValueError("no chain was chosen")
     seed = problem.task.seed
@@ -233,6 +246,7 @@ def measured(
         sigma_um=sigma_um,
         repeated=repeated,
         draws=context.effort.range_draws,
+        charges=charges,
     )
 
 
@@ -250,6 +264,9 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         without_scale_um = sigma_without_scale_um(
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
+        if first.charges.chain is not None:
+            added_um = max(first.charges.chain.sigma_um)
+            without_scale_um = math.hypot(without_scale_um, added_um)
     return CompiledLook(
         look=_look(problem, decided, image),
         case=case,
@@ -258,17 +275,29 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
         coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
         placed=look_scene(task, request.state, request.id, shape, spot),
+        model_cost=_model_cost(decided),
         found=found,
         sigma_without_scale_um=without_scale_um,
         figures=evidence_of(task, request, found, memo),
     )
 
 
+def _model_cost(decided: LookDecision) -> p.ModelCost | None:
+    """Return what images' errors cost the target's place, by chain or fallback."""
+    if decided.together is None:
+        charges = decided.found[0].charges
+        return of_either(charges.chain, charges.fallback)
+    costs = [each.charges.chain for each in decided.found]
+    places = [each.shape.center_um for each in decided.found]
+    apart_um = max(math.dist(a, b) for a in places for b in places)
+    return together_cost(costs, apart_um)
+
+
 def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request = problem.task, problem.request
     shape, found = problem.shape, decided.found
-    tried, case = decided.tried, decided.tried.case
+    case = decided.tried.case
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}
     view = view_record(task, request, case, list(usable.values()))
@@ -278,13 +307,15 @@ def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=effect_rows(task, request, tried, problem.context.memo),
+        effects=with_costs(decided.effects, found[0].charges),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um
         ),
         others=tuple(others),
-        together=None if together is None else together_record(together),
+        together=None
+        if together is None
+        else together_record(together, _model_cost(decided)),
         verdict=view_verdict(task, request, view, usable, decided.refused),
     )
 

@@ -15,6 +15,7 @@ from microplan.planner.budget.lower_bound.bounded_history import (
     bias_rad,
     bias_um,
     bounded_history,
+    model_bias_um,
 )
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.budget.placement import (
@@ -35,6 +36,8 @@ from microplan.schemas.plan import BiasRow
 
 DIRECTIONS = 8  # of a bias beside an offset that is there already
 TRIALS = "trials: its mean is known so well"
+PAIRS = "pairs of images: what errors of the images cost is known so well"
+IMAGES = "images of {}"
 APPROACH = "approach by {}"
 
 
@@ -81,16 +84,21 @@ class MeasuredStep:
 def measured_terms(steps: Sequence[MeasuredStep]) -> int:
     """Return how many measured numbers the steps' bounds take an end of.
 
-    Of each look a variance and two biases, of each angle one of both.
+    Of each look a variance and two biases, of each angle one of both; as many of what
+    errors of its images cost.
     """
     places, angles = set(), set()
     for step in steps:
         for seen in (*step.pair, step.history.before):
             if seen is not None and seen.repeatability is not None:
-                places.add((seen.step, seen.name))
+                places.add((seen.step, seen.name, TRIALS))
+                if seen.model_cost is not None:
+                    places.add((seen.step, seen.name, PAIRS))
         for seen in step.angles:
             if seen is not None and seen.repeatability is not None:
-                angles.add((seen.step, seen.name))
+                angles.add((seen.step, seen.name, TRIALS))
+                if seen.model_cost is not None:
+                    angles.add((seen.step, seen.name, PAIRS))
     return 3 * len(places) + 2 * len(angles)
 
 
@@ -158,21 +166,36 @@ def biases(step: MeasuredStep, doubt: float) -> Iterator[BiasRow]:
                 step=name, term=seen.term, half_width_um=bias_um(seen, doubt),
                 source=TRIALS,
             )  # fmt: skip
+            yield from _image_bias(name, "{}", seen, doubt)
     before = step.history.before
     if before is not None:
         yield BiasRow(
             step=name, term=APPROACH.format(before.name),
             half_width_um=bias_um(before, doubt), source=TRIALS,
         )  # fmt: skip
+        yield from _image_bias(name, APPROACH, before, doubt)
     yield from _lever_biases(step, doubt)
     yield from stated_biases(step)
+
+
+def _image_bias(
+    step: str, of: str, seen: PastMeasurement, doubt: float
+) -> Iterator[BiasRow]:
+    """Yield the bias by errors of a look's images, walls and finish among them."""
+    if seen.model_cost is not None:
+        yield BiasRow(
+            step=step,
+            term=of.format(IMAGES.format(seen.name)),
+            half_width_um=model_bias_um(seen, doubt),
+            source=PAIRS,
+        )
 
 
 def stated_biases(step: MeasuredStep) -> Iterator[BiasRow]:
     """Yield biases that are not of trials: what has an interval and no distribution.
 
-    Coherence moves the edges of both looks together: their sum. Walls and finish of
-    bodies and the camera's response are rows like this one where they have a number.
+    Coherence moves the edges of both looks together: their sum. The camera's response
+    is a row like this one where it has a number.
     """
     moved_um = sum(seen.coherence_um for seen in step.pair if seen is not None)
     if moved_um > 0:
