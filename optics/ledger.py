@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import (
     EDGE_WAVES,
     amplitude_contrast,
@@ -57,7 +58,7 @@ class Imaged:
     fidelity: Fidelity
     layering: LayerChoice
     window: Window | None = None  # the part of the frame that matters; None: all
-    coherence: float = 0.0  # condenser over objective aperture; 0 is incoherent light
+    coherence: Coherence | None = None  # condenser over objective; None: incoherent
     lamp_aperture: float | None = None  # of light through the objective; None: other
     is_shaded: bool = False  # whether that light is shaded by higher bodies
 
@@ -197,15 +198,18 @@ def _coherence_rows(
     error, offset_um, level = 0.0, 0.0, "off"
     reason = "the workcell states incoherent light"
     near = _near_focus(imaged)
-    if coherence:
-        level, reason = "charged", f"coherence {coherence:g}, layers near focus"
-        error = scene_error(
-            replace(imaged.scene, layers=near),
-            imaged.microscope,
-            focus_um=imaged.focus_um,
-            coherence=coherence,
+    if coherence is not None:
+        level, reason = "charged", f"coherence {coherence}, layers near focus"
+        if not coherence.is_stated:
+            reason = f"coherence not stated: {reason}"
+        scene = replace(imaged.scene, layers=near)
+        error = max(
+            scene_error(scene, imaged.microscope, focus_um=imaged.focus_um, coherence=s)
+            for s in coherence.samples
         )
-        offset_um = max((_offset_um(imaged, layer) for layer in near), default=0.0)
+        offset_um = max(
+            (_offset_um(imaged, layer, coherence.worst) for layer in near), default=0.0
+        )
     return (
         _row("partial coherence", level, rounded_up(error), limit, reason),
         LedgerRow(
@@ -230,13 +234,13 @@ def _near_focus(imaged: Imaged) -> tuple[Layer, ...]:
     )
 
 
-def _offset_um(imaged: Imaged, layer: Layer) -> float:
+def _offset_um(imaged: Imaged, layer: Layer, coherence: float) -> float:
     """Return how far edges of a layer move against whatever they border on."""
     others = [imaged.scene.background]
     others += [o.reflectance for o in imaged.scene.layers if o.z_um <= layer.z_um]
     return max(
         edge_offset_um(
-            imaged.coherence,
+            coherence,
             imaged.microscope,
             amplitude_contrast(layer.reflectance, other),
             layer.z_um - imaged.focus_um,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -22,8 +22,10 @@ from microplan.optics.layers.layer_error import (
     LayerRefusal,
     layer_error,
 )
-from microplan.optics.ledger import Imaged, ledger
+from microplan.optics.ledger import NM, Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.render.fidelity import rounded_up
+from microplan.planner.looks.coherence_shift import CoherenceShift, coherence_shift
 from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
 from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
@@ -47,7 +49,6 @@ from microplan.planner.views.lens_errors import (
     NM_PER_UM,
     lamp_aperture,
     lens_rows,
-    middle_offset_um,
     middle_sigma_um,
 )
 from microplan.planner.views.requests import Request
@@ -113,6 +114,30 @@ def effect_rows(
     return tuple(p.EffectRow(**asdict(row)) for row in rows)
 
 
+def _moved_rows(
+    task: Task, case: LookCase, shift: CoherenceShift
+) -> tuple[p.EffectRow, ...]:
+    """Return the row of the target's displacement by coherence, if it may move it."""
+    coherence = task.workcell.optics.coherence
+    if coherence is None:
+        return ()
+    words = f"coherence {coherence}{'' if coherence.is_stated else ', not stated'}: "
+    words += "the chain measured outlines dilated by up to "
+    words += f"{NM_PER_UM * shift.dilation_um:.3g} nm"
+    if shift.differing_um:
+        words += f"; edges of other contrast {NM_PER_UM * shift.differing_um:.3g} nm"
+    return (
+        p.EffectRow(
+            effect="target moved by coherence",
+            level="charged",
+            predicted_error=rounded_up(NM_PER_UM * shift.um),
+            limit=NM_PER_UM * case.tolerance_um,
+            unit=NM,
+            reason=words,
+        ),
+    )
+
+
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
     """Return the nominal image of a look, and how it is computed."""
     case, limit = tried.case, tried.fidelity.limit
@@ -162,7 +187,8 @@ class CompiledLook:
     picture: Picture
     arrays: Arrays
     distortion_sigma_um: float  # of the middle of the target, by the lens
-    coherence_um: float  # how far partly coherent light moves it
+    coherence_um: float  # how far partly coherent light may move it
+    coherence_rad: float = 0.0  # and turn it
     placed: LookScene
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
     sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
@@ -250,13 +276,15 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         without_scale_um = sigma_without_scale_um(
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
+    shift = _coherence(problem, found)
     return CompiledLook(
-        look=_look(problem, decided, image),
+        look=_look(problem, decided, image, shift),
         case=case,
         picture=image,
         arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
-        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+        coherence_um=shift.um,
+        coherence_rad=shift.rad,
         placed=look_scene(task, request.state, request.id, shape, spot),
         found=found,
         sigma_without_scale_um=without_scale_um,
@@ -264,7 +292,32 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
     )
 
 
-def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
+def _coherence(
+    problem: LookProblem, found: Sequence[MeasuredFeature]
+) -> CoherenceShift:
+    """Return how far coherence may move the answer: the most of all features."""
+    context, coherence = problem.context, problem.task.workcell.optics.coherence
+    shifts = [
+        context.memo.call(
+            coherence_shift,
+            each.tried.case,
+            each.tried.comparison.prepared,
+            each.chosen.chain,
+            coherence,
+            root_seed=problem.task.seed,
+            map=context.map,
+        )
+        for each in found
+    ]
+    return max(shifts, key=lambda shift: (shift.um, shift.rad))
+
+
+def _look(
+    problem: LookProblem,
+    decided: LookDecision,
+    image: Picture,
+    shift: CoherenceShift,
+) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request = problem.task, problem.request
     shape, found = problem.shape, decided.found
@@ -278,7 +331,10 @@ def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=effect_rows(task, request, tried, problem.context.memo),
+        effects=(
+            *effect_rows(task, request, tried, problem.context.memo),
+            *_moved_rows(task, case, shift),
+        ),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um

@@ -19,6 +19,7 @@ from microplan.planner.task.check_workcell import (
     check_workcell,
     report_backwards,
 )
+from microplan.planner.task.light.check_light import check_light
 from microplan.planner.task.parts import read_parts
 from microplan.planner.task.read_workcell import (
     build_workcell,
@@ -73,6 +74,7 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     if cell:
         check_workcell(cell, report)
         check_surfaces(cell, report, "tools")
+        check_light(task, cell, report)
     _check_task(task, report)
     check_references(task, cell, report)
     check_limits(task, cell, report)

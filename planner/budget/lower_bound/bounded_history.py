@@ -77,10 +77,12 @@ def bias_um(seen: PastMeasurement | None, doubt: float) -> float:
 def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far the bias of a measured angle may be from 0, rad.
 
-    Nothing takes it off, so that all of it counts.
+    Nothing takes it off, so that all of it counts, with what coherence may add.
     """
-    known = None if seen is None else seen.repeatability
-    if known is None or known.half_width_theta_rad is None:
+    if seen is None:
         return 0.0
+    known = seen.repeatability
+    if known is None or known.half_width_theta_rad is None:
+        return seen.coherence_rad
     half_rad = half_width_factor(known.answered, doubt) * known.half_width_theta_rad
-    return abs(known.bias_theta_rad or 0.0) + half_rad
+    return abs(known.bias_theta_rad or 0.0) + half_rad + seen.coherence_rad

@@ -22,7 +22,7 @@ from microplan.planner.task.regions import features
 from microplan.planner.task.regions.features import NotFoundError
 from tests.planner.drawings.reading import open_drawing
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "gear_on_shaft"
 
 
 def polar(radius: float, angle_rad: float) -> Point:
