@@ -24,6 +24,9 @@ from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 
+# rms error of images in light from below and from a ring against single rays through
+# sharp prisms (`tests/optics/light`)
+LIT_ERROR = 0.012
 CONTRAST, NM = "unit contrast", "nm"
 _NM_PER_UM = 1000.0
 _LEVELS = {
@@ -61,6 +64,7 @@ class Imaged:
     coherence: Coherence | None = None  # condenser over objective; None: incoherent
     lamp_aperture: float | None = None  # of light through the objective; None: other
     is_shaded: bool = False  # whether that light is shaded by higher bodies
+    light: str = ""  # another light whose shade is in the image: its kind
 
 
 def ledger(
@@ -132,6 +136,9 @@ def _layer_row(layering: LayerChoice) -> LedgerRow:
 def _shade_row(imaged: Imaged) -> LedgerRow:
     """Return the row of light that higher bodies keep from what is below."""
     effect, limit = "shade of higher bodies", imaged.fidelity.limit
+    if imaged.light:
+        reason = f"light of kind {imaged.light}, past bodies with their walls"
+        return _row(effect, "modelled", LIT_ERROR, limit, reason)
     if imaged.lamp_aperture is None:
         reason = "the light does not come through the objective; nobody predicts it"
         return _row(effect, "not modelled", None, limit, reason)

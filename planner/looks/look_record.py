@@ -51,6 +51,7 @@ from microplan.planner.views.lens_errors import (
     lens_rows,
     middle_sigma_um,
 )
+from microplan.planner.views.light.lit_layers import asks_for_walls
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import look_scene, world_scene
 from microplan.planner.views.target_views import needed_shape, target_pose
@@ -175,6 +176,7 @@ def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
         coherence=task.workcell.optics.coherence,
         lamp_aperture=lamp_aperture(task.workcell, case.microscope),
         is_shaded=case.lamp_aperture is not None,
+        light=task.workcell.light.kind if asks_for_walls(task.workcell) else "",
     )
 
 

@@ -20,6 +20,7 @@ from microplan.planner.task.check_workcell import (
     report_backwards,
 )
 from microplan.planner.task.light.check_light import check_light
+from microplan.planner.task.light.roundings import check_roundings
 from microplan.planner.task.parts import read_parts
 from microplan.planner.task.read_workcell import (
     build_workcell,
@@ -82,7 +83,11 @@ def load_task(path: str | Path, report: Report) -> Task | None:
         return None
     workcell = build_workcell(cell, fingers)
     check_sizes(parts, workcell, report)
-    return None if report.failed else _task(source, workcell, parts)
+    if report.failed:
+        return None
+    found = _task(source, workcell, parts)
+    check_roundings(found, report)
+    return None if report.failed else found
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:

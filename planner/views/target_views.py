@@ -157,19 +157,6 @@ def _origin(task: Task, request: Request, target_at: Place) -> Origin:
     )
 
 
-def _shade_advice(task: Task) -> str:
-    """Return what the trials say of bodies above a target, and what to do."""
-    if task.workcell.light.kind == "coaxial":
-        return (
-            "trials of the look have it; if they find nothing good enough, choose a "
-            "'view_um' where nothing higher stands near"
-        )
-    return (
-        "trials have what is hidden and not the lost light: if the look fails on the "
-        "cell, choose a 'view_um' where nothing higher stands near"
-    )
-
-
 def _report_shade(
     task: Task,
     request: Request,
@@ -204,7 +191,8 @@ def _report_shade(
         f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "
         f"{f'some of its edges ({said})' if said else 'none of its edges'}, and takes "
         f"light on one side from up to {reached:.0%} of them",
-        _shade_advice(task),
+        "trials of the look have it; if they find nothing good enough, choose a "
+        "'view_um' where nothing higher stands near",
     )
 
 
