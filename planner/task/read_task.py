@@ -86,8 +86,7 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     if report.failed:
         return None
     found = _task(source, workcell, parts)
-    check_roundings(found, report)
-    return None if report.failed else found
+    return found if check_roundings(found, report) else None
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:

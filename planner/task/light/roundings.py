@@ -11,10 +11,14 @@ from microplan.planner.task.finishes import SurfaceFinish
 from microplan.planner.task.task import Task
 
 
-def check_roundings(task: Task, report: Report) -> None:
-    """Report edges in a ring's light that are rounder than their walls are thick."""
+def check_roundings(task: Task, report: Report) -> bool:
+    """Return whether edges in a ring's light are finer than their walls are thick.
+
+    Those that are not are reported.
+    """
+    has_room = True
     if not task.workcell.light.is_ring:
-        return
+        return has_room
     for name, outline, surface, where in _rounded(task):
         radius_um = surface.edge_radius_um
         if not radius_um:
@@ -26,6 +30,8 @@ def check_roundings(task: Task, report: Report) -> None:
             message += f"outline: {error}"
             hint = "it is less than half of the thinnest wall between two edges"
             report.error("MP116", where, message, hint)
+            has_room = False
+    return has_room
 
 
 def _rounded(task: Task) -> Iterator[tuple[str, Outline, SurfaceFinish, Span]]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Outline, flatten
@@ -21,7 +22,7 @@ from microplan.optics.outline.outline import Outline, flatten
 class SharpPrism:
     """A body for rays: a polygon between two heights, um."""
 
-    polygon: shapely.Geometry
+    polygon: BaseGeometry
     low_um: float
     top_um: float
     sends: float = 0.0  # what its face sends back dully
@@ -30,10 +31,10 @@ class SharpPrism:
     lines: tuple[float, float, float] | None = None
 
 
-def sharp_polygon(outline: Outline, chord_um: float = 0.01) -> shapely.Geometry:
+def sharp_polygon(outline: Outline, chord_um: float = 0.01) -> BaseGeometry:
     """Return an outline as a polygon, its rings exclusive of one another."""
     rings = [shapely.Polygon(flatten(ring, chord_um)) for ring in outline.rings]
-    found: shapely.Geometry = rings[0]
+    found: BaseGeometry = rings[0]
     for ring in rings[1:]:
         found = found.symmetric_difference(ring)
     shapely.prepare(found)
