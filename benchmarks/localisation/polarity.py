@@ -5,7 +5,7 @@ toothed discs; so are reflectances, backgrounds, focus, zoom, a neighbour above 
 below. The prediction comes from what routines are prepared with, another defocus law,
 fast and integrated over pixels; the truth from the oracle's exact law at points, layer
 by layer. In light from below and from a ring the truth is traced ray by ray
-(`benchmarks/localisation/lit_parts.py`).
+(`benchmarks.selection.lit_parts.py`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.localisation.lit_parts import KINDS, judged
+from benchmarks.selection.lit_parts import KINDS, judged
 from benchmarks.selection.random_parts import random_case
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render

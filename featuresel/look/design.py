@@ -19,7 +19,6 @@ from microplan.featuresel.features.factorial_design import (
 )
 from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
-from microplan.optics.light.ring import MIDDLE
 
 _EVERY = 4  # each fourth trial is a corner, whatever their number
 DRAWN_SIGMAS = 4.0  # where normal draws end: .1 % of the variance is left out
@@ -48,9 +47,8 @@ class Trial:
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
     lens: LensErrors | None = None  # what it truly does; None: what is known of it
     noise: float = 1.0  # times the sensor's
-    # by which each of the spread's `turning` is turned, rad
-    turns_rad: tuple[float, ...] = ()
-    line: float = MIDDLE  # where lines of edges lie within their rounding, 0..1
+    turns_rad: tuple[float, ...] = ()  # of each of the spread's `turning`
+    line: float = 0.5  # where lines of edges lie within their rounding, 0..1
     corner: bool = False  # of what is tried: it decides no sigma and no bias
 
 
@@ -289,7 +287,7 @@ def _trial(
         lens=_true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),
-        line=_line(case, index, root),
+        line=case.line_at(generator(root, f"{case.key}/line {index}").random()),
     )
 
 
@@ -333,13 +331,6 @@ def _true_lens(
         field_curvature_per_um=known.field_curvature_per_um + off[4],
         edge_offset_um=known.edge_offset_um + off[5],
     )
-
-
-def _line(case: LookCase, index: int, root: int) -> float:
-    """Return where lines of edges lie: anywhere, as nobody knows it."""
-    if case.ring is None:
-        return MIDDLE
-    return float(generator(root, f"{case.key}/line {index}").random())
 
 
 def _turns(

@@ -142,6 +142,10 @@ class LookCase:
         """Return the spreads that random trials are drawn with."""
         return self.spread if self.stated is None else self.stated
 
+    def line_at(self, share: float) -> float:
+        """Return where lines of edges lie in a trial: nobody knows it of a ring's."""
+        return MIDDLE if self.ring is None else float(share)
+
     @property
     def shares_still_layers(self) -> bool:
         """Return whether the static scene is blurred alike wherever the target is."""

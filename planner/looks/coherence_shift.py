@@ -22,14 +22,18 @@ from microplan.featuresel.trials.trials import Map, PreparedRoutines
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.dilation import differing_um, dilation_um
 from microplan.optics.coherence.edge_offsets import amplitude_contrast
+from microplan.optics.ledger import NM
 from microplan.optics.outline.offset import offset
+from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.scene import Layer
 from microplan.planner.assembly.shapes import polygon
+from microplan.schemas.plan import EffectRow
 
 _ALIKE = 0.1  # contrasts of amplitudes that differ by less count as one
 _TELLS = 0.05  # an edge of less contrast tells nothing
 _SHARE = 0.05  # of a target's edges: fewer of another contrast do not move it
 _POSES = 4
+_NM_PER_UM = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +113,29 @@ def coherence_shift(
         rad=moved_rad,
         dilation_um=max(ends),
         differing_um=more_um,
+    )
+
+
+def moved_rows(
+    coherence: Coherence | None, case: LookCase, shift: CoherenceShift
+) -> tuple[EffectRow, ...]:
+    """Return the ledger's row of what coherence may move, none if it moves nothing."""
+    if coherence is None:
+        return ()
+    words = f"coherence {coherence}{'' if coherence.is_stated else ', not stated'}: "
+    words += "the chain measured outlines dilated by up to "
+    words += f"{_NM_PER_UM * shift.dilation_um:.3g} nm"
+    if shift.differing_um:
+        words += f"; edges of other contrast {_NM_PER_UM * shift.differing_um:.3g} nm"
+    return (
+        EffectRow(
+            effect="target moved by coherence",
+            level="charged",
+            predicted_error=rounded_up(_NM_PER_UM * shift.um),
+            limit=_NM_PER_UM * case.tolerance_um,
+            unit=NM,
+            reason=words,
+        ),
     )
 
 

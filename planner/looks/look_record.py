@@ -22,10 +22,13 @@ from microplan.optics.layers.layer_error import (
     LayerRefusal,
     layer_error,
 )
-from microplan.optics.ledger import NM, Imaged, ledger
+from microplan.optics.ledger import Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.render.fidelity import rounded_up
-from microplan.planner.looks.coherence_shift import CoherenceShift, coherence_shift
+from microplan.planner.looks.coherence_shift import (
+    CoherenceShift,
+    coherence_shift,
+    moved_rows,
+)
 from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
 from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
@@ -113,30 +116,6 @@ def effect_rows(
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
     return tuple(p.EffectRow(**asdict(row)) for row in rows)
-
-
-def _moved_rows(
-    task: Task, case: LookCase, shift: CoherenceShift
-) -> tuple[p.EffectRow, ...]:
-    """Return the row of the target's displacement by coherence, if it may move it."""
-    coherence = task.workcell.optics.coherence
-    if coherence is None:
-        return ()
-    words = f"coherence {coherence}{'' if coherence.is_stated else ', not stated'}: "
-    words += "the chain measured outlines dilated by up to "
-    words += f"{NM_PER_UM * shift.dilation_um:.3g} nm"
-    if shift.differing_um:
-        words += f"; edges of other contrast {NM_PER_UM * shift.differing_um:.3g} nm"
-    return (
-        p.EffectRow(
-            effect="target moved by coherence",
-            level="charged",
-            predicted_error=rounded_up(NM_PER_UM * shift.um),
-            limit=NM_PER_UM * case.tolerance_um,
-            unit=NM,
-            reason=words,
-        ),
-    )
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
@@ -335,7 +314,7 @@ def _look(
         scene=scene_record(task, request, case, shape, path, image),
         effects=(
             *effect_rows(task, request, tried, problem.context.memo),
-            *_moved_rows(task, case, shift),
+            *moved_rows(task.workcell.optics.coherence, case, shift),
         ),
         measure=first,
         evidence=evidence(

@@ -83,10 +83,8 @@ def load_task(path: str | Path, report: Report) -> Task | None:
         return None
     workcell = build_workcell(cell, fingers)
     check_sizes(parts, workcell, report)
-    if report.failed:
-        return None
-    found = _task(source, workcell, parts)
-    return found if check_roundings(found, report) else None
+    found = None if report.failed else _task(source, workcell, parts)
+    return found if found is not None and check_roundings(found, report) else None
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:
