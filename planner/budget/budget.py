@@ -35,7 +35,8 @@ class PastMeasurement:
     magnification: float
     focus_um: float
     distortion_sigma_um: float  # at the target's position
-    coherence_um: float  # displacement of its middle by partly coherent light
+    coherence_um: float  # half-width of its displacement by partly coherent light
+    coherence_rad: float = 0.0  # and of its rotation
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without the magnification error; None: the same
@@ -141,9 +142,9 @@ def looking_rows(
         _row(
             "partial coherence",
             0.0,
-            "workcell coherence: a bias of at most "
+            "coherence: a bias of at most "
             f"{hole.coherence_um + shaft.coherence_um:.3g} um, in the lower bound of "
-            "P(success); middles of symmetry stay",
+            "P(success), measured on dilated outlines",
         ),
         _row(
             "parcentric jump of the zoom",

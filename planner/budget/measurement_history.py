@@ -50,6 +50,7 @@ def remember(
         focus_um=view.focus_um,
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
+        coherence_rad=look.coherence_rad,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
         repeatability=look.look.repeatability,

@@ -24,6 +24,11 @@ from microplan.optics.layers.layer_error import (
 )
 from microplan.optics.ledger import Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.planner.looks.coherence_shift import (
+    CoherenceShift,
+    coherence_shift,
+    moved_rows,
+)
 from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
 from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
@@ -53,9 +58,9 @@ from microplan.planner.views.lens_errors import (
     NM_PER_UM,
     lamp_aperture,
     lens_rows,
-    middle_offset_um,
     middle_sigma_um,
 )
+from microplan.planner.views.light.lit_layers import asks_for_walls
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import look_scene, world_scene
 from microplan.planner.views.target_views import needed_shape, target_pose
@@ -157,6 +162,7 @@ def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
         coherence=task.workcell.optics.coherence,
         lamp_aperture=lamp_aperture(task.workcell, case.microscope),
         is_shaded=case.lamp_aperture is not None,
+        light=task.workcell.light.kind if asks_for_walls(task.workcell) else "",
     )
 
 
@@ -169,7 +175,8 @@ class CompiledLook:
     picture: Picture
     arrays: Arrays
     distortion_sigma_um: float  # of the middle of the target, by the lens
-    coherence_um: float  # how far partly coherent light moves it
+    coherence_um: float  # how far partly coherent light may move it
+    coherence_rad: float = 0.0  # and turn it
     placed: LookScene
     model_cost: p.ModelCost | None = None  # at most of chain and fallback
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
@@ -267,13 +274,15 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         if first.charges.chain is not None:
             added_um = max(first.charges.chain.sigma_um)
             without_scale_um = math.hypot(without_scale_um, added_um)
+    shift = _coherence(problem, found)
     return CompiledLook(
-        look=_look(problem, decided, image),
+        look=_look(problem, decided, image, shift),
         case=case,
         picture=image,
         arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
-        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+        coherence_um=shift.um,
+        coherence_rad=shift.rad,
         placed=look_scene(task, request.state, request.id, shape, spot),
         model_cost=_model_cost(decided),
         found=found,
@@ -293,7 +302,32 @@ def _model_cost(decided: LookDecision) -> p.ModelCost | None:
     return together_cost(costs, apart_um)
 
 
-def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
+def _coherence(
+    problem: LookProblem, found: Sequence[MeasuredFeature]
+) -> CoherenceShift:
+    """Return how far coherence may move the answer: the most of all features."""
+    context, coherence = problem.context, problem.task.workcell.optics.coherence
+    shifts = [
+        context.memo.call(
+            coherence_shift,
+            each.tried.case,
+            each.tried.comparison.prepared,
+            each.chosen.chain,
+            coherence,
+            root_seed=problem.task.seed,
+            map=context.map,
+        )
+        for each in found
+    ]
+    return max(shifts, key=lambda shift: (shift.um, shift.rad))
+
+
+def _look(
+    problem: LookProblem,
+    decided: LookDecision,
+    image: Picture,
+    shift: CoherenceShift,
+) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request = problem.task, problem.request
     shape, found = problem.shape, decided.found
@@ -307,7 +341,10 @@ def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=with_costs(decided.effects, found[0].charges),
+        effects=(
+            *with_costs(decided.effects, found[0].charges),
+            *moved_rows(task.workcell.optics.coherence, case, shift),
+        ),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um

@@ -124,15 +124,18 @@ def model_bias_um(seen: PastMeasurement | None, doubt: float) -> float:
 def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far the bias of a measured angle may be from 0, rad.
 
-    Nothing takes it off, so that all of it counts; what errors of images add, too.
+    Nothing takes it off, so that all of it counts, with what errors of images and
+    coherence may add.
     """
-    known = None if seen is None else seen.repeatability
-    if seen is None or known is None or known.half_width_theta_rad is None:
+    if seen is None:
         return 0.0
+    known = seen.repeatability
+    if known is None or known.half_width_theta_rad is None:
+        return seen.coherence_rad
     if known.answered < 2:
         return math.inf
     half_rad = half_width_factor(known.answered, doubt) * known.half_width_theta_rad
-    found_rad = abs(known.bias_theta_rad or 0.0) + half_rad
+    found_rad = abs(known.bias_theta_rad or 0.0) + half_rad + seen.coherence_rad
     cost = seen.model_cost
     if cost is None or cost.half_width_theta_rad is None:
         return found_rad
