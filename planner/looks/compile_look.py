@@ -17,10 +17,10 @@ from microplan.planner.looks.look_record import (
     CompiledLook,
     LookDecision,
     compiled,
-    effect_rows,
     measured,
 )
 from microplan.planner.looks.measures import MeasuredFeature
+from microplan.planner.looks.model_errors.effect_rows import effect_rows
 from microplan.planner.looks.records import commonest_hint, rejections
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from microplan.featuresel.look.design import random_design
-from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias_prediction import predict_bias
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.optics.layers.layer_error import (
-    TREATMENTS,
-    LayerChoice,
-    LayerRefusal,
-    layer_error,
-)
-from microplan.optics.ledger import Imaged, ledger
-from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.planner.looks.coherence_shift import (
     CoherenceShift,
     coherence_shift,
@@ -41,7 +33,6 @@ from microplan.planner.looks.measures import (
 )
 from microplan.planner.looks.model_errors.charging import (
     charged,
-    finish_row,
     with_costs,
 )
 from microplan.planner.looks.model_errors.model_cost import of_either, together_cost
@@ -55,15 +46,11 @@ from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import (
-    NM_PER_UM,
-    lamp_aperture,
-    lens_rows,
     middle_sigma_um,
 )
-from microplan.planner.views.light.lit_layers import asks_for_walls
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import look_scene, world_scene
-from microplan.planner.views.target_views import needed_shape, target_pose
+from microplan.planner.views.target_views import target_pose
 from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.view_verdict import view_verdict
 from microplan.schemas import plan as p
@@ -107,63 +94,6 @@ def sigma_without_scale_um(
     zoom = np.array([trials[o.trial].magnification for o in right]) - 1
     errors_um = np.array([o.world_um for o in right]) - zoom[:, None] * place_um
     return float(errors_um.std(axis=0, ddof=1).max())
-
-
-def effect_rows(
-    task: Task, request: Request, tried: Evaluation, memo: Memo = EVERY_TIME
-) -> tuple[p.EffectRow, ...]:
-    """Return the effects ledger of a look."""
-    case, shape = tried.case, needed_shape(task, request)
-    spot = target_pose(task, request, shape)
-    rows = memo.call(
-        ledger,
-        _imaged(task, tried, memo),
-        lens_rows(task, request.state, shape, spot, case.microscope),
-        shift_limit_nm=NM_PER_UM * case.tolerance_um,
-    )
-    found = tuple(p.EffectRow(**asdict(row)) for row in rows)
-    return (*found, finish_row(tried.fidelity.limit))
-
-
-def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
-    """Return the nominal image of a look, and how it is computed."""
-    case, limit = tried.case, tried.fidelity.limit
-    shown = lens_scene(
-        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
-    )
-    errors = {
-        treatment: memo.call(
-            layer_error,
-            shown,
-            case.microscope,
-            focus_um=case.focus_um,
-            treatment=treatment,
-            window=case.window,
-        )
-        for treatment in TREATMENTS
-    }
-    layering = LayerChoice(
-        treatment=case.treatment,
-        predicted_error=errors[case.treatment],
-        limit=limit,
-        refused=tuple(
-            LayerRefusal(treatment=name, predicted_error=error)
-            for name, error in errors.items()
-            if name != case.treatment and errors[case.treatment] > limit
-        ),
-    )
-    return Imaged(
-        scene=shown,
-        microscope=case.microscope,
-        focus_um=case.focus_um,
-        window=case.window,
-        fidelity=tried.fidelity,
-        layering=layering,
-        coherence=task.workcell.optics.coherence,
-        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
-        is_shaded=case.lamp_aperture is not None,
-        light=task.workcell.light.kind if asks_for_walls(task.workcell) else "",
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
