@@ -22,7 +22,7 @@ from microplan.optics.transfer.microscope import Microscope
 
 # Rays a point, as many as the time allows: the errors of means fall nearly with their
 # number (`benchmarks/optics/shading.py`).
-_FEWEST, _MOST, _SAMPLES = 32, 1024, 1 << 20
+_FEWEST, _MOST, _SAMPLES = 64, 1024, 1 << 21
 _CLOSE = 8.0  # points: rays that meet a face so close by are not moved to the nearest
 _FINEST = 2.0  # points: what is smaller is no mean
 WIDEST = 300  # points aside that a ray may meet a face: a limit to memory
