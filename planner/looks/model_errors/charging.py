@@ -83,10 +83,10 @@ def charged(
         if spare is None or isinstance(spare, str) or not may_swap:
             fault = f"{' > '.join(selection.chosen.chain)}: {own}"
             return tried, ChargedChains(fault=fault)
-        tried, why = _without(tried, is_swapped=True), own
-        return tried, replace(_charges(spare, None), swapped=why)
+        tried = _without(tried, own, is_swapped=True)
+        return tried, replace(_charges(spare, None), swapped=own)
     if isinstance(spare, str):
-        return _without(tried), replace(_charges(own, None), dropped=spare)
+        return _without(tried, spare), replace(_charges(own, None), dropped=spare)
     return tried, _charges(own, spare)
 
 
@@ -199,11 +199,23 @@ def _charges(
     )
 
 
-def _without(tried: Evaluation, *, is_swapped: bool = False) -> Evaluation:
-    """Return an evaluation without its fallback, or with it in the chain's place."""
+def _without(tried: Evaluation, why: str, *, is_swapped: bool = False) -> Evaluation:
+    """Return an evaluation without its fallback, or with it in the chain's place.
+
+    Reasons say so: `why` of the one that is not used.
+    """
     selection = tried.comparison.selection
-    chosen = selection.fallback if is_swapped else selection.chosen
-    selection = replace(selection, chosen=chosen, fallback=None)
+    kept, left = selection.chosen, selection.fallback
+    if is_swapped:
+        kept, left = left, kept
+    told = dict(selection.reasons)
+    if left is not None:
+        told[left.chain] = f"rejected: errors of images: {why}"
+    if is_swapped and kept is not None:
+        told[kept.chain] = told[kept.chain].replace("fallback:", "chosen:", 1)
+    selection = replace(
+        selection, chosen=kept, fallback=None, reasons=tuple(told.items())
+    )
     return replace(tried, comparison=replace(tried.comparison, selection=selection))
 
 
