@@ -38,6 +38,7 @@ from benchmarks.optics import (
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
+from benchmarks.truth import pictures, planted, replayed
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     house.BENCHMARK,
@@ -49,6 +50,9 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     selector.BENCHMARK,
     layers.BENCHMARK,
     shading.BENCHMARK,
+    pictures.BENCHMARK,
+    planted.BENCHMARK,
+    replayed.BENCHMARK,
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,

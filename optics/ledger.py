@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import (
     EDGE_WAVES,
     amplitude_contrast,
@@ -23,6 +24,9 @@ from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 
+# rms error of images in light from below and from a ring against single rays through
+# sharp prisms (`tests/optics/light`)
+LIT_ERROR = 0.012
 CONTRAST, NM = "unit contrast", "nm"
 _NM_PER_UM = 1000.0
 _LEVELS = {
@@ -57,9 +61,10 @@ class Imaged:
     fidelity: Fidelity
     layering: LayerChoice
     window: Window | None = None  # the part of the frame that matters; None: all
-    coherence: float = 0.0  # condenser over objective aperture; 0 is incoherent light
+    coherence: Coherence | None = None  # condenser over objective; None: incoherent
     lamp_aperture: float | None = None  # of light through the objective; None: other
     is_shaded: bool = False  # whether that light is shaded by higher bodies
+    light: str = ""  # another light whose shade is in the image: its kind
 
 
 def ledger(
@@ -131,6 +136,9 @@ def _layer_row(layering: LayerChoice) -> LedgerRow:
 def _shade_row(imaged: Imaged) -> LedgerRow:
     """Return the row of light that higher bodies keep from what is below."""
     effect, limit = "shade of higher bodies", imaged.fidelity.limit
+    if imaged.light:
+        reason = f"light of kind {imaged.light}, past bodies with their walls"
+        return _row(effect, "modelled", LIT_ERROR, limit, reason)
     if imaged.lamp_aperture is None:
         reason = "the light does not come through the objective; nobody predicts it"
         return _row(effect, "not modelled", None, limit, reason)
@@ -197,15 +205,18 @@ def _coherence_rows(
     error, offset_um, level = 0.0, 0.0, "off"
     reason = "the workcell states incoherent light"
     near = _near_focus(imaged)
-    if coherence:
-        level, reason = "charged", f"coherence {coherence:g}, layers near focus"
-        error = scene_error(
-            replace(imaged.scene, layers=near),
-            imaged.microscope,
-            focus_um=imaged.focus_um,
-            coherence=coherence,
+    if coherence is not None:
+        level, reason = "charged", f"coherence {coherence}, layers near focus"
+        if not coherence.is_stated:
+            reason = f"coherence not stated: {reason}"
+        scene = replace(imaged.scene, layers=near)
+        error = max(
+            scene_error(scene, imaged.microscope, focus_um=imaged.focus_um, coherence=s)
+            for s in coherence.samples
         )
-        offset_um = max((_offset_um(imaged, layer) for layer in near), default=0.0)
+        offset_um = max(
+            (_offset_um(imaged, layer, coherence.worst) for layer in near), default=0.0
+        )
     return (
         _row("partial coherence", level, rounded_up(error), limit, reason),
         LedgerRow(
@@ -230,13 +241,13 @@ def _near_focus(imaged: Imaged) -> tuple[Layer, ...]:
     )
 
 
-def _offset_um(imaged: Imaged, layer: Layer) -> float:
+def _offset_um(imaged: Imaged, layer: Layer, coherence: float) -> float:
     """Return how far edges of a layer move against whatever they border on."""
     others = [imaged.scene.background]
     others += [o.reflectance for o in imaged.scene.layers if o.z_um <= layer.z_um]
     return max(
         edge_offset_um(
-            imaged.coherence,
+            coherence,
             imaged.microscope,
             amplitude_contrast(layer.reflectance, other),
             layer.z_um - imaged.focus_um,

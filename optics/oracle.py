@@ -28,7 +28,7 @@ from microplan.optics.render.scene import Scene, Window
 from microplan.optics.render.spectrum import Tile, band_orders
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.models import find_model
+from microplan.optics.transfer.models import curve_of
 
 # Where a body reaches far beyond the window it is cut at this distance, in wavelengths
 # over A: an endless edge cut there costs (wavelength / A) / (pi**3 d) = 1.5e-4.
@@ -221,7 +221,7 @@ def tabulated(model: str, microscope: Microscope, z_um: float) -> Table:
     waves = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
     count = 2000 + math.ceil(16 * np.pi * waves / _TABLE_RAD)
     knots = np.linspace(0, 1, count)
-    curve = find_model(model).curve(microscope, z_um)
+    curve = curve_of(model, microscope, z_um)
     spline = CubicSpline(knots, curve(1 - knots**2))
 
     def read(x: FloatArray) -> FloatArray:

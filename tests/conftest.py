@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from microplan.executor.simulated.cell import CAMERA_VARIABLE
 from tests.planner.examples import EXAMPLE, microplan
 
 # No test depends on time, not even on how long its own examples take to make, and each
@@ -39,14 +38,6 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
         yield folder
-
-
-@pytest.fixture(scope="session", autouse=True)
-def quick_camera() -> Iterator[None]:
-    """Let cells that name no camera have the quick one: here nobody judges an image."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(CAMERA_VARIABLE, "quick")
-        yield
 
 
 @pytest.fixture(scope="session")

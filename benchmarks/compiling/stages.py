@@ -44,7 +44,7 @@ STAGES: Mapping[str, tuple[str, str]] = {
     "drifts": ("microplan.planner.budget.allowable_errors", "_reach"),
     "pictures": ("microplan.planner.looks.look_record", "reference_image"),
 }
-RENDERERS = ("render_coaxial", "occluded")  # of `microplan.featuresel.look.scenario`
+RENDERERS = ("render_lit", "occluded")  # of `microplan.featuresel.look.scenario`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

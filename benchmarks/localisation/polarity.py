@@ -4,7 +4,8 @@ Parts are drawn at random: polygons and half discs with holes, thin slots side b
 toothed discs; so are reflectances, backgrounds, focus, zoom, a neighbour above or
 below. The prediction comes from what routines are prepared with, another defocus law,
 fast and integrated over pixels; the truth from the oracle's exact law at points, layer
-by layer.
+by layer. In light from below and from a ring the truth is traced ray by ray
+(`benchmarks.selection.lit_parts.py`).
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.selection.lit_parts import KINDS, judged
 from benchmarks.selection.random_parts import random_case
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
@@ -27,7 +30,7 @@ from microplan.optics.outline.outline import place as placed
 from microplan.optics.render.scene import Window
 from microplan.optics.transfer.microscope import Microscope
 
-PARTS = 200
+PARTS, LIT_PARTS = 200, 40
 _SEED = 7
 _OVER = 4  # truth's samples per pixel: .27 um at m = 6.9, below the band's .36
 _POINT = 1e-12  # fill factor: no area
@@ -45,7 +48,10 @@ class Judged:
 
 
 def judge(seed: int) -> Judged:
-    """Return how the prediction for one random part compares with the truth."""
+    """Return how the prediction for one random part compares with the truth.
+
+    In light from the front, which nothing shades.
+    """
     case = random_case(np.random.default_rng((_SEED, seed)))
     found = predict(nominal_render(case), case.target)
     contour = np.array(case.target.contour)
@@ -54,6 +60,12 @@ def judge(seed: int) -> Judged:
     return Judged(
         points=len(contour), kept=int(found.kept.sum()), wrong=int(wrong.sum())
     )
+
+
+def judge_lit(kind: str, seed: int) -> Judged:
+    """Return the same in light of one of `KINDS`."""
+    points, kept, wrong = judged(kind, (_SEED, seed))
+    return Judged(points=points, kept=kept, wrong=wrong)
 
 
 def true_slope(case: LookCase, contour: FloatArray) -> FloatArray:
@@ -111,14 +123,29 @@ def _exact(case: LookCase, scope: Microscope, window: Window) -> FloatArray:
 
 
 def _measure(options: Options) -> Iterator[Figure]:
-    """Judge all parts."""
+    """Judge all parts in all kinds of light."""
+    found: dict[str, list[Judged]] = {}
     with ProcessPoolExecutor(options.jobs) as pool:
-        found = list(pool.map(judge, range(PARTS), chunksize=4))
-    points = sum(one.points for one in found)
-    kept = sum(one.kept for one in found)
-    wrong = sum(one.wrong for one in found)
+        found["front"] = list(pool.map(judge, range(PARTS), chunksize=4))
+        for kind in KINDS:
+            lit = partial(judge_lit, kind)
+            found[kind] = list(pool.map(lit, range(LIT_PARTS), chunksize=2))
+    everything = [one for kind in found.values() for one in kind]
+    points = sum(one.points for one in found["front"])
+    kept = sum(one.kept for one in found["front"])
+    wrong = sum(one.wrong for one in everything)
     yield Figure(name="polarity.wrong", value=wrong, unit="1")
     yield Figure(name="polarity.kept_share", value=kept / points, unit="1")
+    for kind in KINDS:
+        wrong = sum(one.wrong for one in found[kind])
+        yield Figure(name=f"polarity.{kind}.wrong", value=wrong, unit="1")
 
 
-BENCHMARK = Benchmark(names=("polarity.wrong", "polarity.kept_share"), measure=_measure)
+BENCHMARK = Benchmark(
+    names=(
+        "polarity.wrong",
+        "polarity.kept_share",
+        *(f"polarity.{kind}.wrong" for kind in KINDS),
+    ),
+    measure=_measure,
+)

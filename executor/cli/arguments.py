@@ -6,6 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
+from microplan.executor.simulated.cameras.kinds import CAMERAS
 from microplan.executor.simulated.faults import FAULTS
 from microplan.schemas.page.completion import SHELLS, Completion
 from microplan.schemas.page.console import add_version
@@ -51,6 +52,13 @@ def _add_station(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seed", type=seed_number, help="of the simulated cell; default: 0"
+    )
+    parser.add_argument(
+        "--camera",
+        choices=CAMERAS,
+        help="of the simulated cell; solid: bodies with walls, seen by rays and waves "
+        "of its own; quick: the compiler's renderer, which judges no image; default: "
+        "quick",
     )
 
 

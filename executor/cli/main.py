@@ -149,7 +149,12 @@ def _resume(options: RunOptions, file: PlanFile, run: RunFolder) -> int:
     """Go on with the run of a folder."""
     then = run.header
     seed = then.seed if options.seed is None else options.seed
-    options = replace(options, seed=seed, faults=options.faults or then.faults)
+    options = replace(
+        options,
+        seed=seed,
+        faults=options.faults or then.faults,
+        camera=options.camera or then.camera,
+    )
     # before a driver is touched
     check_same(header_of(options, file, then.devices), then)
     site = _site(options, file.plan, run.cell)
@@ -173,8 +178,9 @@ def _site(options: RunOptions, plan: Plan, left: Path | None) -> Site:
                 "MP804", f"{fault}: the plan has no step {step!r}; it has {known}"
             )
     return find_site(
-        options.station, options.folder, seed=seed, faults=faults, left=left
-    )
+        options.station, options.folder, seed=seed, faults=faults,
+        camera=options.camera, left=left,
+    )  # fmt: skip
 
 
 def _report(options: RunOptions, plan: Plan, ended: Ended) -> int:

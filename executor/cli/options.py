@@ -10,6 +10,7 @@ from pathlib import Path
 from microplan.executor.cli.arguments import build_parser
 from microplan.executor.cli.select_station import SIMULATED
 from microplan.executor.devices.station_file import exists, is_folder
+from microplan.executor.simulated.cameras.kinds import CameraKind
 
 NO_STATION = ("replay", "compare", "report")  # they touch no device
 
@@ -21,6 +22,7 @@ class RunOptions:
     plan_file: Path
     station: str  # "" where the mode needs none
     seed: int | None  # None: 0, or that of the run that is resumed
+    camera: CameraKind | None  # None: quick, or that of the run that is resumed
     mode: str
     run_dir: Path | None
     frames: bool
@@ -85,8 +87,11 @@ def _station(found: argparse.Namespace) -> str:
     if mode not in NO_STATION and not found.station:
         told = f"--mode {mode} needs --station; --station sim is the simulated cell"
         return told if exists(found.plan) else f"there is no {found.plan}; {told}"
-    if mode in NO_STATION and (found.station or found.faults):
-        return f"--mode {mode} touches no device: leave --station and --inject out"
+    if mode in NO_STATION and (found.station or found.faults or found.camera):
+        return (
+            f"--mode {mode} touches no device: "
+            "leave --station, --inject and --camera out"
+        )
     return ""
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station import Station
 from microplan.executor.devices.station_file import read_station
+from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.executor.simulated.faults import Faults
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def find_site(
     *,
     seed: int = 0,
     faults: Sequence[str] = (),
+    camera: CameraKind | None = None,
     left: Path | None = None,
 ) -> Site:
     """Return the station that was asked for.
@@ -45,7 +47,7 @@ def find_site(
         "sim", or the path of a station.toml.
     plan_folder : Path
         Its world.json is the simulated cell's.
-    seed, faults
+    seed, faults, camera
         Of the simulated cell; a station file states its own.
     left : Path or None
         Where the simulated cell left its world; None: a new one is made.
@@ -53,7 +55,7 @@ def find_site(
     Raises
     ------
     ExecutorError
-        MP803 for world.json; MP804 for an unknown fault, or a seed or fault
+        MP803 for world.json; MP804 for an unknown fault, or a seed, fault or camera
         together with a file; MP812 and MP813 for a station file.
     """
     try:
@@ -61,10 +63,12 @@ def find_site(
     except ValueError as error:
         raise ExecutorError("MP804", str(error)) from error
     if asked == SIMULATED:
-        return _simulated(plan_folder, seed, faults, left)
-    if faults or seed:
+        return _simulated(plan_folder, seed, faults, camera or "quick", left)
+    if faults or seed or camera:
         raise ExecutorError(
-            "MP804", "--seed and --inject are for --station sim; a file states its own"
+            "MP804",
+            "--seed, --inject and --camera are for --station sim; a file states its "
+            "own",
         )
     loaded = read_station(Path(asked), plan_folder)
     # statically: a proxy of a real hub answers to any name
@@ -79,14 +83,19 @@ def find_site(
 
 
 def _simulated(
-    plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
+    plan_folder: Path,
+    seed: int,
+    faults: Sequence[str],
+    camera: CameraKind,
+    left: Path | None,
 ) -> Site:
     """Return the simulated cell of the plan's world."""
     # optics only for the simulated cell
     from microplan.executor.simulated.cell import build_cell
     from microplan.executor.simulated.hub import read_world
 
-    cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)
+    world = read_world(plan_folder / "world.json")
+    cell = build_cell(world, seed, faults, camera=camera)
     if left is not None:
         from microplan.executor.simulated.keeping import take
 

@@ -166,6 +166,7 @@ def header_of(
         seed=options.seed or 0,
         faults=options.faults,
         devices=devices,
+        camera=None if options.camera == "quick" else options.camera,
     )
 
 

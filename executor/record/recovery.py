@@ -22,6 +22,7 @@ from microplan.executor.record.write_ahead_log import (
     Intent,
     opened,
 )
+from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.plan import View
 
@@ -35,6 +36,7 @@ class Header:
     seed: int  # of the simulated cell; 0 with a station file
     faults: tuple[str, ...]
     devices: Mapping[str, str]  # role -> model and serial number
+    camera: CameraKind | None = None  # of the simulated cell; None: quick
 
 
 @dataclass(slots=True, kw_only=True)

@@ -265,7 +265,7 @@ def lock_beside(station_file: Path) -> AbstractContextManager[None]:
 
 def check_same(now: Header, then: Header) -> None:
     """Raise MP866 if a run would go on with something else than it began with."""
-    for name in ("plan_sha256", "station", "seed", "faults"):
+    for name in ("plan_sha256", "station", "seed", "faults", "camera"):
         if getattr(now, name) != getattr(then, name):
             raise ExecutorError(
                 "MP866",

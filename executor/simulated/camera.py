@@ -70,14 +70,14 @@ class Pictures(Protocol):
         height_px: int,
         scale: float,
     ) -> FloatArray:
-        """Return a part of a frame so high, as a share of full scale.
+        """Return a part of a frame so high, (rows, columns) shares of full scale.
 
-        `scale` times the true magnification is what the lens shows.
+        Windows are in px; `scale` times the true magnification is what the lens shows.
         """
         ...
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture."""
+        """Return what the sensor makes of a picture, (rows, columns) px counts."""
         ...
 
 
@@ -95,7 +95,7 @@ class SimCamera:
         self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
         self._truth = timeline.truth
-        self._pictures = pictures
+        self.pictures = pictures
         self._light = light
         self._rng = rng
         self._faults = faults
@@ -125,7 +125,7 @@ class SimCamera:
             image = self._swapped(window)
         else:
             image = self._image(window, self._truth.world.optics.height_px)
-        counts = self._pictures.counts(image, self._rng)
+        counts = self.pictures.counts(image, self._rng)
         return counts[:, ::-1] if self._faults.on("mirror_camera") else counts
 
     def _swapped(self, at: PixelWindow) -> FloatArray:
@@ -147,7 +147,7 @@ class SimCamera:
     def _image(self, window: PixelWindow, height_px: int) -> FloatArray:
         """Return what falls on the sensor, as a share of full scale."""
         scale = SCALED if self._faults.on("scale_camera") else 1.0
-        return self._pictures.image(
+        return self.pictures.image(
             window, self._light.now(), height_px=height_px, scale=scale
         )
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from microplan.executor.devices.safety import Rules, Settle, Speeds
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.simulated.axes import DriveError, SimAxes
 from microplan.executor.simulated.camera import Pictures, SimCamera, SimLight
+from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.gripper import SimGripper
@@ -27,9 +26,6 @@ PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens", "surface",
 )  # fmt: skip
-
-CameraKind = Literal["solid", "quick"]
-CAMERA_VARIABLE = "MICROPLAN_SIM_CAMERA"  # of the environment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +93,7 @@ def build_cell(
     faults: Iterable[str] = (),
     *,
     drives: Mapping[str, DriveError] | None = None,
-    camera: CameraKind | None = None,
+    camera: CameraKind = "quick",
 ) -> Cell:
     """Return a cell whose errors are drawn from `seed`.
 
@@ -111,10 +107,9 @@ def build_cell(
         Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
     drives : mapping of str to DriveError
         By "stage" and "robot"; a drive that is left out is where it reads.
-    camera : "solid", "quick" or None
+    camera : "solid" or "quick"
         Solid bodies seen by the cell's own rays and waves, or the compiler's renderer:
-        quick, and no judge of an image. None: what the environment's
-        `MICROPLAN_SIM_CAMERA` says, else quick.
+        quick, and no judge of an image.
     """
     rng, made = _generators(seed), drives or {}
     wrong = Faults(faults)
@@ -152,9 +147,8 @@ def build_cell(
     )  # fmt: skip
 
 
-def _pictures(asked: CameraKind | None, truth: Truth, lens: SimLens) -> Pictures:
+def _pictures(kind: CameraKind, truth: Truth, lens: SimLens) -> Pictures:
     """Return what the camera shows the world by."""
-    kind = asked or os.environ.get(CAMERA_VARIABLE, "quick")
     if kind == "quick":
         # optics only for who asks for it
         from microplan.executor.simulated.cameras.quick_pictures import QuickPictures

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.simulated.axes import DriveError
+from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.keeping import keep, take
 from microplan.schemas.codec import from_data
@@ -23,6 +24,7 @@ def cell(
     backlash_um: float = 0.0,
     lag_s: float = 0.0,
     kept: str = "",
+    camera: CameraKind = "quick",
 ) -> Cell:
     """Return the cell of a file world.json.
 
@@ -39,17 +41,21 @@ def cell(
     kept : str
         A file in which the cell's world outlives the executor; deleted, the cell is new
         again. "": nothing is kept.
+    camera : "solid" or "quick"
+        See `microplan.executor.simulated.cell.build_cell`.
 
     Raises
     ------
     ExecutorError
         MP803 if a file cannot be read; MP866 if `kept` is of another world.
     ValueError
-        If a fault or seed is none.
+        If a fault, a seed or the camera is none.
     """
     drive = DriveError(quantum_um=quantum_um, backlash_um=backlash_um, lag_s=lag_s)
     drives = {"stage": drive, "robot": drive}
-    made = build_cell(read_world(Path(world)), seed, faults, drives=drives)
+    made = build_cell(
+        read_world(Path(world)), seed, faults, drives=drives, camera=camera
+    )
     if kept:
         if Path(kept).exists():
             take(made, Path(kept))

@@ -47,8 +47,8 @@ class Trial:
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
     lens: LensErrors | None = None  # what it truly does; None: what is known of it
     noise: float = 1.0  # times the sensor's
-    # by which each of the spread's `turning` is turned, rad
-    turns_rad: tuple[float, ...] = ()
+    turns_rad: tuple[float, ...] = ()  # of each of the spread's `turning`
+    line: float = 0.5  # where lines of edges lie within their rounding, 0..1
     corner: bool = False  # of what is tried: it decides no sigma and no bias
 
 
@@ -287,6 +287,7 @@ def _trial(
         lens=_true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),
+        line=case.line_at(generator(root, f"{case.key}/line {index}").random()),
     )
 
 

@@ -79,6 +79,7 @@ class NominalRender:
             zoom_sigma=spread.magnification_sigma,
             gradient=spread.light_gradient[1],
             axis_px=self.case.frame.to_pixel(0.0, 0.0),
+            has_lines=self.case.ring is not None,
         )
 
     def __call__(

@@ -102,6 +102,7 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
         model=trial.model,
         light=case.lit(trial.gain, trial.gradient_x, trial.gradient_y),
         lens=case.lens if trial.lens is None else trial.lens,
+        line=trial.line,
         sensor=noisier(case.sensor, trial.noise),
     )
 

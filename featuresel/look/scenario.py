@@ -11,11 +11,14 @@ from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.layers.coaxial_light import Irradiance
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.layers.solids.solid_bodies import is_solid
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
+from microplan.optics.light.lamps import RingLamp
+from microplan.optics.light.lit_image import render_lit
+from microplan.optics.light.ring import MIDDLE
+from microplan.optics.light.transmitted import is_clear
 from microplan.optics.outline.outline import place
 from microplan.optics.render.render import Covered
 from microplan.optics.render.sampling import Sampling
@@ -117,6 +120,8 @@ class LookCase:
     lens: LensErrors  # what is known of it
     lamp_aperture: float | None  # of coaxial light that bodies shade; None: no shade
     background_z_um: float | None  # None: the background is never shaded
+    ring: RingLamp | None = None  # of light from around the objective
+    line: float = MIDDLE  # where lines of edges lie within their rounding, 0..1
     treatment: str  # of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
@@ -137,6 +142,10 @@ class LookCase:
         """Return the spreads that random trials are drawn with."""
         return self.spread if self.stated is None else self.stated
 
+    def line_at(self, share: float) -> float:
+        """Return where lines of edges lie in a trial: nobody knows it of a ring's."""
+        return MIDDLE if self.ring is None else float(share)
+
     @property
     def shares_still_layers(self) -> bool:
         """Return whether the static scene is blurred alike wherever the target is."""
@@ -152,7 +161,8 @@ class LookCase:
         layers = (*self.static, *self.moving)
         heights = {layer.z_um for layer in layers}
         is_even = self.lamp_aperture is None and len(heights) <= 1
-        is_even = is_even and not is_solid(layers)
+        is_even = is_even and not is_solid(layers) and self.ring is None
+        is_even = is_even and not is_clear(layers)
         return self.shares_still_layers and is_even
 
     def zoomed(self, ratio: float) -> Microscope:
@@ -267,11 +277,13 @@ def render_look(
             light=case.light,
             lamp_aperture=case.lamp_aperture,
         )
-    return render_coaxial(
+    return render_lit(
         shown,
         case.microscope,
         focus_um=case.focus_um,
         lamp_aperture=case.lamp_aperture,
+        ring=case.ring,
+        line=case.line,
         model=case.model,
         window=case.window,
         light=case.light,

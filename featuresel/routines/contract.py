@@ -141,6 +141,7 @@ class Nuisances:
     zoom_sigma: float  # of the ratio to nominal
     gradient: float  # the largest relative change of the light across the field
     axis_px: tuple[float, float]  # column and row of the region that zoom leaves alone
+    has_lines: bool = False  # edges may be bright lines, and walls throw shadows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,7 +74,7 @@ def slopes(microscope: Microscope, count: int) -> FloatArray:
     if count < 1:
         raise ValueError(f"count must be at least 1, got {count}")
     i = np.arange(count) + 0.5
-    s = microscope.aperture * np.sqrt(i / count)
+    s = microscope.cone_aperture * np.sqrt(i / count)
     tangent = s / np.sqrt(microscope.medium_index**2 - s**2)
     angle = _GOLDEN_RAD * i
     return np.stack([tangent * np.cos(angle), tangent * np.sin(angle)], axis=1)

@@ -27,6 +27,7 @@ from microplan.optics.render.scene import Layer, Scene
 # Walls are traced from points this far apart, but from at most so many a side, and
 # meet light on points as far apart as the second two say.
 _WALLS_UM, _WALLS_MOST = 4.0, 40
+_FINE_UM, _FINE_MOST = 1.0, 120
 _MIRRORED_UM, _MIRRORED_MOST = 3.0, 60
 _TABLE_UM, _TABLE_MOST = 2.0, 120
 
@@ -36,6 +37,8 @@ def wall_residual(
     scene: Scene,
     covered: Sequence[Covered],
     shaded: Mapping[float, ShadedFace],
+    *,
+    is_fine: bool = False,
 ) -> FloatArray | None:
     """Return what walls change of a blended image, (rows, columns), None if nothing.
 
@@ -49,13 +52,17 @@ def wall_residual(
         All layers of the scene, blurred.
     shaded : mapping of float to ShadedFace
         By height, what is shaded.
+    is_fine : bool
+        Whether walls are traced from closer points: beside edges in focus what they
+        hide changes fast.
     """
     if not is_solid([c.layer for c in covered]):
         return None
     m, layers = view.microscope, [c.layer for c in covered]
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
-    lattice = Lattice.over(area, max(_WALLS_UM, side / _WALLS_MOST))
+    walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)
+    lattice = Lattice.over(area, max(walls_um, side / most))
     low_um = min(la.z_um if la.underside_um is None else la.underside_um
                  for la in layers)  # fmt: skip
     floor_um = low_um - 1 if (z := scene.background_z_um) is None else z

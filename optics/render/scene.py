@@ -9,6 +9,24 @@ from microplan.optics.outline.outline import Outline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeLine:
+    """Bright line that the rounded edges of a face mirror from a ring of light."""
+
+    level: float  # share of full scale, of which a white dull face gives 1
+    width_um: float
+    radius_um: float  # of the rounding: the line lies within so much of the edge
+    rings: int  # the first ones of the outline are rounded
+
+    def __post_init__(self) -> None:
+        if not (self.level >= 0 and math.isfinite(self.level)):
+            raise ValueError(f"level must be finite and >= 0, got {self.level}")
+        if not 0 < self.width_um <= self.radius_um < math.inf:
+            raise ValueError(
+                f"width_um must be in (0, {self.radius_um}], got {self.width_um}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layer:
     """One body: a prism of an outline, or its top face alone."""
 
@@ -19,9 +37,11 @@ class Layer:
     underside_um: float | None = None  # world height; None: a flat face without walls
     wall_reflectance: float = 0.0  # of the walls, as mirrors; 0: they are black
     finish: float = 0.0  # share of what the face sends back as a mirror
+    transmittance: float = 0.0  # of light from below
+    edge_line: EdgeLine | None = None  # in a ring's light
 
     def __post_init__(self) -> None:
-        for name in ("wall_reflectance", "finish"):
+        for name in ("wall_reflectance", "finish", "transmittance"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must be in 0..1, got {getattr(self, name)}")
         under = self.underside_um

@@ -18,6 +18,8 @@ class Microscope:
     width_px: int
     height_px: int
     fill_factor: float = 1.0  # light-sensitive share of a pixel's area [1]
+    # numerical aperture of a lamp below, beyond which rays are dark; None: all are lit
+    lamp_aperture: float | None = None
 
     def __post_init__(self) -> None:
         names = ("aperture", "wavelength_um", "medium_index", "magnification")
@@ -30,8 +32,17 @@ class Microscope:
                 f"aperture must be below medium_index {self.medium_index}, "
                 f"got {self.aperture}"
             )
+        if self.lamp_aperture is not None and not self.lamp_aperture > 0:
+            raise ValueError(f"lamp_aperture must be > 0, got {self.lamp_aperture}")
         if self.fill_factor > 1:
             raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
+
+    @property
+    def cone_aperture(self) -> float:
+        """Return the aperture of the rays that carry light, at most the lens'."""
+        if self.lamp_aperture is None:
+            return self.aperture
+        return min(self.aperture, self.lamp_aperture)
 
     @property
     def px_per_um(self) -> float:
@@ -94,7 +105,8 @@ class Microscope:
     def blur_diameter_um(self, z_um: float) -> float:
         """Return the blur circle of the marginal ray in object space, um, >= 0.
 
-        2 |z| A / sqrt(n**2 - A**2); it replaces eqs. (2, 3) of the paper.
+        2 |z| A / sqrt(n**2 - A**2) with the aperture of the lit rays; it replaces eqs.
+        (2, 3) of the paper.
         """
-        n, A = self.medium_index, self.aperture
+        n, A = self.medium_index, self.cone_aperture
         return 2 * abs(z_um) * A / math.sqrt(n**2 - A**2)

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.optics.transfer.lamp_limited import lamp_limited
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.node_refinement import refined
 from microplan.optics.transfer.otf import exact, geometric, hopkins, product, stokseth
@@ -75,6 +76,21 @@ MODELS: Mapping[str, DefocusModel] = MappingProxyType(
 )
 
 
+def curve_of(model: str, microscope: Microscope, z_um: float) -> Curve:
+    """Return the transfer by a model; a lamp below the aperture has its own alone."""
+    found = find_model(model)
+    if microscope.cone_aperture == microscope.aperture:
+        return found.curve(microscope, z_um)
+    return lambda x: lamp_limited(
+        x,
+        z_um=z_um,
+        aperture=microscope.aperture,
+        lamp_aperture=microscope.cone_aperture,
+        wavelength_um=microscope.wavelength_um,
+        index=microscope.medium_index,
+    )
+
+
 def find_model(model: str) -> DefocusModel:
     """Return the model of a name; ValueError with the known names otherwise."""
     if model not in MODELS:
@@ -104,7 +120,7 @@ def transfer(
         1 at frequency 0. `product` and `geometric` take the paraxial W20, as the
         paper does, the others the rim-matched one.
     """
-    return find_model(model).curve(microscope, z_um)(
+    return curve_of(model, microscope, z_um)(
         np.asarray(f_per_um, dtype=np.float64) / microscope.cutoff_per_um
     )
 
@@ -174,6 +190,6 @@ def _tabulate(
     blur_um = microscope.blur_diameter_um(z_um)
     rate = 2 * math.pi * blur_um * microscope.cutoff_per_um
     steps = _LEAST + 2 * math.ceil(rate * (1 - first) / _STEP_RAD / 2)
-    curve = find_model(model).curve(microscope, z_um)
+    curve = curve_of(model, microscope, z_um)
     values, slopes = refined(lambda s: curve(1 - s**2), first, 1.0, steps + 1)
     return RadialTable.through(first, (1 - first) / steps, values, slopes)

@@ -290,4 +290,5 @@ def _lamp_share(task: Task) -> float:
     """Return the aperture of coaxial light over the lens': see `lens_errors`."""
     if task.workcell.light.kind != "coaxial":
         return 0.0
-    return min(task.workcell.optics.coherence or 1.0, 1.0)
+    coherence = task.workcell.optics.coherence
+    return 1.0 if coherence is None else min(coherence.most, 1.0)

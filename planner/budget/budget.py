@@ -14,7 +14,7 @@ from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
-from microplan.schemas.plan import Budget, BudgetRow, Repeatability
+from microplan.schemas.plan import Budget, BudgetRow, ModelCost, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
@@ -35,13 +35,16 @@ class PastMeasurement:
     magnification: float
     focus_um: float
     distortion_sigma_um: float  # at the target's position
-    coherence_um: float  # displacement of its middle by partly coherent light
+    coherence_um: float  # half-width of its displacement by partly coherent light
+    coherence_rad: float = 0.0  # and of its rotation
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without the magnification error; None: the same
     sigma_without_scale_um: float | None = None
     moved_um: float = 0.0  # what moves since add to both sigmas; stated, not measured
     repeatability: Repeatability | None = None  # what it is known by; None: unknown
+    # what errors of its images cost, its sigma in those above; None: nothing
+    model_cost: ModelCost | None = None
 
     @property
     def term(self) -> str:
@@ -139,9 +142,9 @@ def looking_rows(
         _row(
             "partial coherence",
             0.0,
-            "workcell coherence: a bias of at most "
+            "coherence: a bias of at most "
             f"{hole.coherence_um + shaft.coherence_um:.3g} um, in the lower bound of "
-            "P(success); middles of symmetry stay",
+            "P(success), measured on dilated outlines",
         ),
         _row(
             "parcentric jump of the zoom",

@@ -127,9 +127,14 @@ class Insertion:
     @property
     def angle_um(self) -> float:
         """Return what one sigma of the angle moves the shaft's farthest point by."""
+        return 0.0 if self.angle is None else self.angle.sigma_rad * self.reach_um
+
+    @property
+    def reach_um(self) -> float:
+        """Return how far the shaft's farthest point is, 0 where no angle matters."""
         if self.angle is None or not isinstance(self.fit, OutlineFit):
             return 0.0
-        return self.angle.sigma_rad * slices_of(self.fit.shape).reach_um
+        return slices_of(self.fit.shape).reach_um
 
     @property
     def seating(self) -> Seating:
@@ -178,8 +183,11 @@ class Insertion:
         """Return the probability of a miss with one more offset in the worst direction.
 
         To an offset that is there already it adds up. Without one the rest is widest
-        along one direction and narrowest across it: the worse of both.
+        along one direction and narrowest across it: the worse of both. Outlines have
+        less room by it all round, which is as bad as the worst direction or worse.
         """
+        if isinstance(self.fit, OutlineFit):
+            return self.widened(-2 * offset_um).miss
         if offset_um == 0 or self.offset_um != 0:
             return replace(self, offset_um=abs(self.offset_um) + offset_um).miss
         _, _, angle = self.rest.principal

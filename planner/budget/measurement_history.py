@@ -50,9 +50,11 @@ def remember(
         focus_um=view.focus_um,
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
+        coherence_rad=look.coherence_rad,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
         repeatability=look.look.repeatability,
+        model_cost=look.model_cost,
     )
     owner = owner_of(look.look.target)
     angle = {} if seen.sigma_theta_rad is None else {owner: seen}

@@ -8,7 +8,7 @@ from typing import Any
 
 from microplan.planner.diff.changes import KINDS, PathName, PlanChange, causes_first
 from microplan.planner.source.diagnostics import Diagnostic, Severity, Span
-from microplan.planner.store.summary import success
+from microplan.planner.store.summary import outside_words, success
 from microplan.schemas.page.console import one_line
 from microplan.schemas.plan import Plan
 
@@ -75,9 +75,17 @@ def headline(changes: Sequence[PlanChange]) -> str:
 
 
 def verdicts_text(old: Plan, new: Plan) -> str:
-    """Return P(success) and status of two plans, also where they are the same."""
+    """Return P(success) and status of two plans, also where they are the same.
+
+    What P(success) leaves out stands beside it.
+    """
     chance = _both(success(old), success(new))
-    return f"P(success) {chance}, {_both(old.status, new.status)}"
+    verdict = f"P(success) {chance}, {_both(old.status, new.status)}"
+    words = outside_words(new)
+    before = outside_words(old)
+    if before != words:
+        words = f"{words or 'nothing left out'} (before: {before or 'nothing'})"
+    return f"{verdict}; {words}" if words else verdict
 
 
 def changes_json(

@@ -92,6 +92,8 @@ def _pair(
 def _seen(look: CompiledLook) -> CoarseLook:
     """Return the accuracy of a coarse look: at an unknown angle its bias stays."""
     bias_um = math.hypot(*look.look.measure.bias_um)
+    if look.model_cost is not None:
+        bias_um += math.hypot(*look.model_cost.half_width_um)
     return CoarseLook(
         sigma_um=math.hypot(
             look.look.sigma_xy_um, bias_um, look.distortion_sigma_um, look.coherence_um

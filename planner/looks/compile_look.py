@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from microplan.featuresel.selection.evaluate import is_fit
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import WRONG_TOLERANCES
+from microplan.planner.looks.cost_findings import report_costs
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.looks.feature_evaluation import begin_features
 from microplan.planner.looks.feature_sets import FeatureSetSearch, wanted
@@ -19,6 +20,7 @@ from microplan.planner.looks.look_record import (
     measured,
 )
 from microplan.planner.looks.measures import MeasuredFeature
+from microplan.planner.looks.model_errors.effect_rows import effect_rows
 from microplan.planner.looks.records import commonest_hint, rejections
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
@@ -69,7 +71,8 @@ def compile_look(
         look = _by_several(problem, settings, refused)
     if look is None:
         _report_failure(request, refused[-1], report)
-    return look
+        return None
+    return look if report_costs(request, look.look, look.found, report) else None
 
 
 def look_at_first(
@@ -184,11 +187,12 @@ def _decide(
 ) -> CompiledLook:
     """Return a look that measures the features of a set, or the target alone."""
     found: tuple[MeasuredFeature, ...]
+    effects = effect_rows(problem.task, problem.request, tried, problem.context.memo)
     if chosen is None:
-        found = (measured(problem, tried),)
+        found = (measured(problem, tried, effects=effects),)
     else:
         found = tuple(
-            measured(problem, tested.tried, tested.shape, sight.sigma_um)
+            measured(problem, tested.tried, tested.shape, sight.sigma_um, effects)
             for tested, sight in zip(chosen.tested, chosen.sights, strict=True)
         )
     zooms = tuple(
@@ -196,8 +200,9 @@ def _decide(
         for each, advice in refused
     )
     decided = LookDecision(
-        tried=tried, found=found, rows=rows, together=chosen, refused=zooms
-    )
+        tried=tried, found=found, rows=rows, effects=effects, together=chosen,
+        refused=zooms,
+    )  # fmt: skip
     return compiled(problem, decided)
 
 

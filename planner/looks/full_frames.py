@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.light.lit_image import render_lit
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Scene
 from microplan.optics.render.view_range import full
@@ -14,6 +14,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.light.lit_layers import ring_lamp, through
 from microplan.planner.views.scenes import relevant
 
 
@@ -22,9 +23,8 @@ def seen_scene(
 ) -> Scene:
     """Return the scene that reaches the frame, as the lens images it."""
     layers = relevant(scene.layers, scope, focus_um, full(scope))
-    return lens_scene(
-        replace(scene, layers=layers), scope, known_errors(cell), focus_um
-    )
+    shown = replace(through(cell, scene, scope), layers=layers)
+    return lens_scene(shown, scope, known_errors(cell), focus_um)
 
 
 def frame(
@@ -43,11 +43,12 @@ def frame(
     Coaxial light is shaded by higher bodies.
     """
     return memo.call(
-        render_coaxial,
+        render_lit,
         scene,
         scope,
         focus_um=focus_um,
         lamp_aperture=lamp_aperture(cell, scope),
+        ring=ring_lamp(cell),
         model=model,
         light=Illumination(gain=level),
         sampling=sampling or Sampling(),

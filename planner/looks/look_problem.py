@@ -50,6 +50,7 @@ class Begun:
             asked_by="",
             admissible_um=None,
             break_even_um=None,
+            used_within_um=None,
         )
         for asked, seen, case, fidelity in self.cases:
             if (asked, seen) == (bare, view):

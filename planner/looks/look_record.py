@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from microplan.featuresel.look.design import random_design
-from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias_prediction import predict_bias
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.optics.layers.layer_error import (
-    TREATMENTS,
-    LayerChoice,
-    LayerRefusal,
-    layer_error,
+from microplan.planner.looks.coherence_shift import (
+    CoherenceShift,
+    coherence_shift,
+    moved_rows,
 )
-from microplan.optics.ledger import Imaged, ledger
-from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
 from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
@@ -34,6 +31,11 @@ from microplan.planner.looks.measures import (
     look_key,
     measure_record,
 )
+from microplan.planner.looks.model_errors.charging import (
+    charged,
+    with_costs,
+)
+from microplan.planner.looks.model_errors.model_cost import of_either, together_cost
 from microplan.planner.looks.records import (
     evidence,
     scene_record,
@@ -44,15 +46,11 @@ from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import (
-    NM_PER_UM,
-    lamp_aperture,
-    lens_rows,
-    middle_offset_um,
     middle_sigma_um,
 )
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import look_scene, world_scene
-from microplan.planner.views.target_views import needed_shape, target_pose
+from microplan.planner.views.target_views import target_pose
 from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.view_verdict import view_verdict
 from microplan.schemas import plan as p
@@ -98,61 +96,6 @@ def sigma_without_scale_um(
     return float(errors_um.std(axis=0, ddof=1).max())
 
 
-def effect_rows(
-    task: Task, request: Request, tried: Evaluation, memo: Memo = EVERY_TIME
-) -> tuple[p.EffectRow, ...]:
-    """Return the effects ledger of a look."""
-    case, shape = tried.case, needed_shape(task, request)
-    spot = target_pose(task, request, shape)
-    rows = memo.call(
-        ledger,
-        _imaged(task, tried, memo),
-        lens_rows(task, request.state, shape, spot, case.microscope),
-        shift_limit_nm=NM_PER_UM * case.tolerance_um,
-    )
-    return tuple(p.EffectRow(**asdict(row)) for row in rows)
-
-
-def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
-    """Return the nominal image of a look, and how it is computed."""
-    case, limit = tried.case, tried.fidelity.limit
-    shown = lens_scene(
-        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
-    )
-    errors = {
-        treatment: memo.call(
-            layer_error,
-            shown,
-            case.microscope,
-            focus_um=case.focus_um,
-            treatment=treatment,
-            window=case.window,
-        )
-        for treatment in TREATMENTS
-    }
-    layering = LayerChoice(
-        treatment=case.treatment,
-        predicted_error=errors[case.treatment],
-        limit=limit,
-        refused=tuple(
-            LayerRefusal(treatment=name, predicted_error=error)
-            for name, error in errors.items()
-            if name != case.treatment and errors[case.treatment] > limit
-        ),
-    )
-    return Imaged(
-        scene=shown,
-        microscope=case.microscope,
-        focus_um=case.focus_um,
-        window=case.window,
-        fidelity=tried.fidelity,
-        layering=layering,
-        coherence=task.workcell.optics.coherence,
-        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
-        is_shaded=case.lamp_aperture is not None,
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompiledLook:
     """A look as the plan has it, with the files that belong to it."""
@@ -162,8 +105,10 @@ class CompiledLook:
     picture: Picture
     arrays: Arrays
     distortion_sigma_um: float  # of the middle of the target, by the lens
-    coherence_um: float  # how far partly coherent light moves it
+    coherence_um: float  # how far partly coherent light may move it
+    coherence_rad: float = 0.0  # and turn it
     placed: LookScene
+    model_cost: p.ModelCost | None = None  # at most of chain and fallback
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
     sigma_without_scale_um: float = math.inf  # as in `PastMeasurement`
     figures: LookFigures | None = None  # what reports show of it
@@ -176,6 +121,7 @@ class LookDecision:
     tried: Evaluation  # of its target
     found: tuple[MeasuredFeature, ...]  # the features measured, the target first
     rows: tuple[p.FeatureRow, ...]  # of all features
+    effects: tuple[p.EffectRow, ...]  # the ledger
     together: ChosenSet | None  # None: the target alone
     refused: tuple[ZoomTried, ...]  # magnifications, before the one that does
 
@@ -185,16 +131,20 @@ def measured(
     tried: Evaluation,
     shape: TargetShape | None = None,
     sigma_um: float | None = None,
+    effects: Sequence[p.EffectRow] = (),
 ) -> MeasuredFeature:
     """Return a measured feature with the range and the bias of its chain.
+
+    `effects` is the look's ledger; what is above its limit there is charged.
 
     Raises
     ------
     ValueError
         If no chain was chosen.
     """
-    case, context = tried.case, problem.context
-    chosen = tried.comparison.selection.chosen
+    context = problem.context
+    tried, charges = charged(problem, tried, effects, may_swap=sigma_um is None)
+    case, chosen = tried.case, tried.comparison.selection.chosen
     if chosen is None:
         raise ValueError("no chain was chosen")
     seed = problem.task.seed
@@ -233,6 +183,7 @@ def measured(
         sigma_um=sigma_um,
         repeated=repeated,
         draws=context.effort.range_draws,
+        charges=charges,
     )
 
 
@@ -250,25 +201,67 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         without_scale_um = sigma_without_scale_um(
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
+        if first.charges.chain is not None:
+            added_um = max(first.charges.chain.sigma_um)
+            without_scale_um = math.hypot(without_scale_um, added_um)
+    shift = _coherence(problem, found)
     return CompiledLook(
-        look=_look(problem, decided, image),
+        look=_look(problem, decided, image, shift),
         case=case,
         picture=image,
         arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
-        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+        coherence_um=shift.um,
+        coherence_rad=shift.rad,
         placed=look_scene(task, request.state, request.id, shape, spot),
+        model_cost=_model_cost(decided),
         found=found,
         sigma_without_scale_um=without_scale_um,
         figures=evidence_of(task, request, found, memo),
     )
 
 
-def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
+def _model_cost(decided: LookDecision) -> p.ModelCost | None:
+    """Return what images' errors cost the target's place, by chain or fallback."""
+    if decided.together is None:
+        charges = decided.found[0].charges
+        return of_either(charges.chain, charges.fallback)
+    costs = [each.charges.chain for each in decided.found]
+    places = [each.shape.center_um for each in decided.found]
+    apart_um = max(math.dist(a, b) for a in places for b in places)
+    return together_cost(costs, apart_um)
+
+
+def _coherence(
+    problem: LookProblem, found: Sequence[MeasuredFeature]
+) -> CoherenceShift:
+    """Return how far coherence may move the answer: the most of all features."""
+    context, coherence = problem.context, problem.task.workcell.optics.coherence
+    shifts = [
+        context.memo.call(
+            coherence_shift,
+            each.tried.case,
+            each.tried.comparison.prepared,
+            each.chosen.chain,
+            coherence,
+            root_seed=problem.task.seed,
+            map=context.map,
+        )
+        for each in found
+    ]
+    return max(shifts, key=lambda shift: (shift.um, shift.rad))
+
+
+def _look(
+    problem: LookProblem,
+    decided: LookDecision,
+    image: Picture,
+    shift: CoherenceShift,
+) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request = problem.task, problem.request
     shape, found = problem.shape, decided.found
-    tried, case = decided.tried, decided.tried.case
+    case = decided.tried.case
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}
     view = view_record(task, request, case, list(usable.values()))
@@ -278,13 +271,18 @@ def _look(problem: LookProblem, decided: LookDecision, image: Picture) -> p.Look
         target=shape.name,
         view=view,
         scene=scene_record(task, request, case, shape, path, image),
-        effects=effect_rows(task, request, tried, problem.context.memo),
+        effects=(
+            *with_costs(decided.effects, found[0].charges),
+            *moved_rows(task.workcell.optics.coherence, case, shift),
+        ),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um
         ),
         others=tuple(others),
-        together=None if together is None else together_record(together),
+        together=None
+        if together is None
+        else together_record(together, _model_cost(decided)),
         verdict=view_verdict(task, request, view, usable, decided.refused),
     )
 

@@ -19,6 +19,7 @@ from microplan.featuresel.trials.tolerance_search import UsableRange
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.planner.looks.evaluation import Evaluation, use_of
+from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.looks.repeated_trials import repeatability_record, undetected
 from microplan.planner.views.features import offset_um
 from microplan.planner.views.requests import Request
@@ -45,6 +46,7 @@ class MeasuredFeature:
     sigma_um: float | None  # that its position counts with; None: that of the trials
     repeated: Repeated  # chain and fallback, on fresh random trials
     draws: int  # images at each stop of the usable range
+    charges: ChargedChains  # what errors of its images cost
 
     @property
     def promised(self) -> ChainScore:
@@ -81,9 +83,11 @@ def measure_record(
             pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
             z_um=case.focus_um,
         ),
-        bias_um=chosen.bias_um or (0.0, 0.0),
+        bias_um=_with_model(chosen.bias_um, found.charges.chain),
         jacobian_px_per_um=_jacobian(case),
-        sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
+        sigma_xy_um=math.hypot(
+            (found.sigma_um or chosen.sigma_um) or 0.0, _model_um(found.charges.chain)
+        ),
         sigma_theta_rad=_sigma_theta_rad(found),
         limit_xy_um=found.chosen.limit_um,
         gates=gates,
@@ -94,7 +98,9 @@ def measure_record(
         else "",
         usable_focus_um=found.usable.focus_um,
         usable_magnification=found.usable.magnification,
-        fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
+        fallback_bias_um=_with_model(
+            spare.bias_um if spare else None, found.charges.fallback
+        ),
         fallback_sigma_xy_um=None if spare is None else _spare_sigma_um(found, spare),
         fallback_sigma_theta_rad=None if spare is None else spare.sigma_theta_rad,
         fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
@@ -107,20 +113,42 @@ def measure_record(
             chosen, undetected(case, found.repeated.outcomes.by(chosen.chain), gates)
         ),
         usable_draws=found.draws,
+        model_cost=found.charges.chain,
+        fallback_model_cost=found.charges.fallback,
     )
+
+
+def _with_model(
+    bias_um: tuple[float, float] | None, cost: p.ModelCost | None
+) -> tuple[float, float]:
+    """Return a bias in trials with that of their images, which it adds to."""
+    x, y = bias_um or (0.0, 0.0)
+    if cost is None:
+        return (x, y)
+    return (x + cost.bias_um[0], y + cost.bias_um[1])
+
+
+def _model_um(cost: p.ModelCost | None) -> float:
+    """Return sigma of what images' errors cost, the larger axis; 0 of none."""
+    return 0.0 if cost is None else max(cost.sigma_um)
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.promised.sigma_um or 0.0, found.sigma_um or 0.0
     more = math.sqrt(max(counts**2 - own**2, 0.0))
-    return math.hypot(spare.sigma_um or 0.0, more)
+    return math.hypot(spare.sigma_um or 0.0, more, _model_um(found.charges.fallback))
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
     """Return sigma of the angle; of one of several features, its bias included."""
     sigma = found.promised.sigma_theta_rad
-    if sigma is None or found.sigma_um is None:
+    if sigma is None:
+        return sigma
+    cost = found.charges.chain
+    if cost is not None:
+        sigma = math.hypot(sigma, cost.sigma_theta_rad or 0.0)
+    if found.sigma_um is None:
         return sigma
     return math.hypot(sigma, found.promised.bias_theta_rad or 0.0)
 

@@ -217,11 +217,11 @@ def scene_record(
     )
 
 
-def together_record(found: ChosenSet) -> p.Together:
+def together_record(found: ChosenSet, cost: p.ModelCost | None = None) -> p.Together:
     """Return the pose accuracy of all features of a look together.
 
     Fabrication tolerances and biases may make sigma larger than in the set's trials:
-    the larger counts.
+    the larger counts. What errors of its images `cost` comes on top.
     """
     known = found.found.known
     dropped = math.hypot(found.found.dropped_um, found.shared_um)
@@ -229,8 +229,12 @@ def together_record(found: ChosenSet) -> p.Together:
     turn = score.sigma_theta_rad
     if turn is not None and math.isfinite(known.sigma_theta_rad):
         turn = max(turn, known.sigma_theta_rad)
+    sigma_um = found.sigma_um
+    if cost is not None:
+        sigma_um = math.hypot(sigma_um, max(cost.sigma_um))
+        turn = None if turn is None else math.hypot(turn, cost.sigma_theta_rad or 0.0)
     return p.Together(
-        sigma_xy_um=found.sigma_um,
+        sigma_xy_um=sigma_um,
         sigma_theta_rad=turn,
         conditioning=known.conditioning,
         dropped_um=dropped if math.isfinite(dropped) else None,
@@ -238,6 +242,7 @@ def together_record(found: ChosenSet) -> p.Together:
         success_lower=found.score.success_lower,
         silent_upper=found.score.silent_upper,
         repeatability=repeatability_record(score, score.silent),
+        model_cost=cost,
     )
 
 

@@ -24,6 +24,13 @@ from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.light.lit_layers import (
+    asks_for_walls,
+    field_level,
+    looks_bright,
+    ring_lamp,
+    stage_level,
+)
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
 from microplan.planner.views.scenes import relevant, world_scene
 from microplan.planner.views.target_views import needed_shape, search_um, target_pose
@@ -54,9 +61,10 @@ def build_case(
     scope, camera = view.microscope, task.workcell.camera
     spread = _spread(task, request, spot, static)
     lens = known_errors(task.workcell)
+    background = field_level(stage_level(task.workcell), task.workcell, scope)
     shown = Scene(
         layers=static + tuple(_placed(layer, spot) for layer in moving),
-        background=task.workcell.stage.reflectance,
+        background=background,
         background_z_um=task.workcell.stage.datum_z_um + request.state.stage.z_um,
     )
     imaged = lens_scene(shown, scope, lens, view.focus_um)
@@ -73,7 +81,7 @@ def build_case(
         key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
         static=static,
         moving=moving,
-        background=task.workcell.stage.reflectance,
+        background=background,
         x_um=spot.pose.x_um,
         y_um=spot.pose.y_um,
         theta_rad=spot.pose.theta_rad,
@@ -92,9 +100,10 @@ def build_case(
         sampling=fidelity.sampling,
         lens=lens,
         lamp_aperture=lamp,
+        ring=ring_lamp(task.workcell),
         background_z_um=shown.background_z_um,
         treatment="blend"
-        if lamp is not None
+        if lamp is not None or asks_for_walls(task.workcell)
         else _treatment(imaged, view, spread, max_image_error),
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
@@ -174,7 +183,8 @@ def _treatment(
 ) -> str:
     """Return the treatment of layers; the more expensive one must keep the limit.
 
-    In coaxial light nothing is traced: that takes seconds an image.
+    In shaded or other light nothing is traced: that takes seconds an image, of top
+    faces alone.
     """
     found = choose_layers(
         imaged,
@@ -243,7 +253,7 @@ def _target(
         search_px=k * search_um(task, spot),
         theta_range_rad=min(math.pi, SEARCH_SIGMAS * _sigma_theta(task, spot)),
         symmetry=shape.symmetry,
-        bright=shape.bright,
+        bright=looks_bright(task, shape),
         parameters=shape.parameters,
     )
     return with_contour(target, _carrying(task, request, shape))

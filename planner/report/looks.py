@@ -14,7 +14,6 @@ from microplan.planner.report.pictures import (
     trial_pictures,
 )
 from microplan.planner.report.trials import accuracy, chain_of, rejected, robustness
-from microplan.planner.store.summary import EFFECTS
 from microplan.schemas.page.elements import Element, Node, el, slug
 from microplan.schemas.page.figures import degrees, number, quantity, seconds, span, um
 from microplan.schemas.page.page import Column, facts, link, more, table
@@ -23,8 +22,13 @@ from microplan.schemas.plan.views import ApertureRow
 
 _COLUMNS = (
     Column("effect"), Column("how it is treated"), Column("error left", numeric=True),
-    Column("limit", numeric=True), Column("reason"),
+    Column("limit", numeric=True), Column("costs its chain", numeric=True),
+    Column("reason"),
 )  # fmt: skip
+# effects whose name in a plan says less than they are
+_EFFECTS = {
+    "shade of higher bodies": "shade of bodies on what lies lower, the ground too"
+}
 
 
 def ledger(rows: Sequence[EffectRow], of: str) -> Element | None:
@@ -51,12 +55,22 @@ def _cells(row: EffectRow) -> list[Node]:
     error = el("span", f"{said}{unit}", " \u2013 above the limit" if over else None,
                class_="bad" if over else None)  # fmt: skip
     return [
-        EFFECTS.get(row.effect, row.effect),
+        _EFFECTS.get(row.effect, row.effect),
         row.level,
         error,
         "\u2013" if row.limit is None else f"{number(row.limit, 2)} {row.unit}",
+        _cost(row),
         row.reason,
     ]
+
+
+def _cost(row: EffectRow) -> Node:
+    """Return what an effect above its limit costs: bias, its half-width, sigma."""
+    cost = row.cost
+    if cost is None:
+        return "\u2013"
+    bias, half = (math.hypot(*each) for each in (cost.bias_um, cost.half_width_um))
+    return f"{number(bias, 2)} \u00b1 {um(half)}, sigma {um(max(cost.sigma_um))}"
 
 
 def look_id(look: Look) -> str:
@@ -101,6 +115,11 @@ def _facts(look: Look) -> Element:
     ]  # fmt: skip
     if turn is not None:
         pairs.append(("one sigma of the angle", degrees(turn)))
+    cost = look.model_cost
+    if cost is not None:
+        half = math.hypot(*cost.half_width_um)
+        said = f"bias known to {um(half)}, sigma {um(max(cost.sigma_um))}"
+        pairs.append(("errors of the images", f"{said} ({cost.pairs} pairs)"))
     if depth is not None:
         pairs.append(("depth of field", um(depth.depth_um)))
     if look.verdict is not None and look.verdict.change is not None:

@@ -58,7 +58,11 @@ def _errors(folder: ReportedPlan) -> str:
     text = f"each effect was to stay within {number(aim)} of unit contrast"
     if worst <= aim:
         return f"{text}, and does where the effects ledgers give a number."
-    return f"{text}; by the effects ledgers up to {number(worst, 2)} is left."
+    costs = [look.model_cost for look in folder.looks if look.model_cost is not None]
+    most = max((max(c.half_width_um) for c in costs), default=0.0)
+    paid = f", which pairs of images charge to positions as up to {um(most)}"
+    text += f"; by the effects ledgers up to {number(worst, 2)} is left"
+    return f"{text}{paid if costs else ''}."
 
 
 def provenance(folder: ReportedPlan) -> Element:

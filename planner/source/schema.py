@@ -16,7 +16,8 @@ from microplan.planner.source.respelling import as_kind, u_for_mu
 from microplan.planner.source.source import Source, Where
 from microplan.schemas.files import json_schema
 
-NEWEST = 1  # version of the task and workcell formats that this compiler reads
+# newest version of the task and workcell formats; older ones are read, too
+NEWEST = {"microplan": 1, "microplan_workcell": 2}
 
 _TYPES = {
     "number": "a number",
@@ -157,15 +158,21 @@ def _is_other(source: Source, version_key: str, report: Report) -> bool:
     Versions are whole numbers from 1 on; what is none breaks the schema.
     """
     version = source.data.get(version_key) if isinstance(source.data, dict) else None
-    if not isinstance(version, int | float) or version < 1 or version == NEWEST:
+    newest = NEWEST[version_key]
+    if not isinstance(version, int | float) or version <= newest:
         return False
     report.error(
         "MP013",
         source.value(version_key),
-        f"{version_key} is {version}, this microplan reads version {NEWEST}",
+        f"{version_key} is {version}, this microplan reads {_versions(newest)}",
         "update microplan",  # version 1 is the first
     )
     return True
+
+
+def _versions(newest: int) -> str:
+    """Return the versions that are read, in words."""
+    return "version 1" if newest == 1 else f"versions 1 to {newest}"
 
 
 def _findings(errors: Iterable[ValidationError]) -> Iterator[_Finding]:

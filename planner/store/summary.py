@@ -10,10 +10,6 @@ from microplan.schemas.plan import Look, Measure, Plan, Step, VerifyAction
 
 # that of `microplan.optics.ledger`, without loading scipy for it
 CONTRAST = "unit contrast"
-# effects whose name in a plan says less than they are
-EFFECTS = {
-    "shade of higher bodies": "shade of bodies on what lies lower, the ground too"
-}
 
 
 def plan_summary(plan: Plan) -> str:
@@ -21,7 +17,7 @@ def plan_summary(plan: Plan) -> str:
     verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_outside(plan)]
     width = max((len(step.id) for step in plan.steps), default=4)
     steps = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
-    return "\n".join([*verdict, *steps, *_look_times(plan), *_worst_effect(plan)])
+    return "\n".join([*verdict, *steps, *_look_times(plan)])
 
 
 def success(plan: Plan) -> str:
@@ -105,32 +101,6 @@ def _look_times(plan: Plan) -> list[str]:
 def _sweeps(step: Step) -> bool:
     """Return whether a step moves the focus to find a height, after its looks."""
     return isinstance(step.action, VerifyAction) and step.action.height is not None
-
-
-def _worst_effect(plan: Plan) -> list[str]:
-    """Return what the pictures may be wrong by, where that is above the limit."""
-    over = [
-        (row.predicted_error, row.effect, look.id)
-        for step in plan.steps
-        for look in step.looks
-        for row in look.effects
-        if row.unit == CONTRAST
-        and row.limit is not None
-        and (row.predicted_error or 0.0) > row.limit
-    ]
-    if not over:
-        return []
-    error, effect, look = max(over)
-    limit = plan.provenance.max_image_error
-    count = len({name for _, _, name in over})
-    looks = "1 look" if count == 1 else f"{count} looks"
-    what = EFFECTS.get(effect, effect)
-    text = (
-        f"note: {looks} may err by more than max_image_error {limit:g} of unit "
-        f"contrast, at most by {error:.2g} ({what}, {look}); plan.json lists every "
-        "effect"
-    )
-    return [text]
 
 
 def _step_line(step: Step) -> str:

@@ -30,6 +30,8 @@ class SurfaceFinish:
     wall: Interval
     finish: Interval
     stated: tuple[bool, bool]
+    edge_radius_um: float | None = None  # of the rounding of top edges
+    transmittance: float = 0.0
 
     @property
     def seen_wall(self) -> float:
@@ -49,16 +51,18 @@ def surface_finish(raw: Mapping[str, Any], material: str = "") -> SurfaceFinish:
     if wall is not None and wall["kind"] == "black":
         reflectance = (0.0, 0.0)
     elif wall is not None and "reflectance" in wall:
-        reflectance = _interval(wall["reflectance"])
-    finish = raw.get("finish")
+        reflectance = interval(wall["reflectance"])
+    finish, radius_um = raw.get("finish"), raw.get("edge_radius_um")
     return SurfaceFinish(
         wall=reflectance,
-        finish=(0.0, 1.0) if finish is None else _interval(finish),
+        finish=(0.0, 1.0) if finish is None else interval(finish),
         stated=(wall is not None, finish is not None),
+        edge_radius_um=None if radius_um is None else float(radius_um),
+        transmittance=float(raw.get("transmittance", 0.0)),
     )
 
 
-def _interval(value: float | list[float]) -> Interval:
+def interval(value: float | list[float]) -> Interval:
     """Return a number as an interval of no width."""
     ends = value if isinstance(value, list) else [value, value]
     return (float(ends[0]), float(ends[1]))

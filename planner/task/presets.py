@@ -21,6 +21,7 @@ class Effort:
     limited: bool  # the physical limit is computed, too, to compare routines with
     features: int  # of a part, compared where the target alone is not enough
     thorough: bool  # also tries routines that are expensive to prepare
+    pairs: int = 12  # of images that tell what a model's errors cost a chain; even
 
 
 # 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 show .99
@@ -44,6 +45,7 @@ PRESETS: Mapping[Preset, Effort] = {
         limited=True,
         features=3,
         thorough=False,
+        pairs=24,
     ),
     "accurate": Effort(
         trials=304,
@@ -54,6 +56,7 @@ PRESETS: Mapping[Preset, Effort] = {
         limited=True,
         features=6,
         thorough=True,
+        pairs=48,
     ),
 }
 

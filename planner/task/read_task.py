@@ -19,6 +19,8 @@ from microplan.planner.task.check_workcell import (
     check_workcell,
     report_backwards,
 )
+from microplan.planner.task.light.check_light import check_light
+from microplan.planner.task.light.roundings import check_roundings
 from microplan.planner.task.parts import read_parts
 from microplan.planner.task.read_workcell import (
     build_workcell,
@@ -73,6 +75,7 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     if cell:
         check_workcell(cell, report)
         check_surfaces(cell, report, "tools")
+        check_light(task, cell, report)
     _check_task(task, report)
     check_references(task, cell, report)
     check_limits(task, cell, report)
@@ -80,7 +83,8 @@ def load_task(path: str | Path, report: Report) -> Task | None:
         return None
     workcell = build_workcell(cell, fingers)
     check_sizes(parts, workcell, report)
-    return None if report.failed else _task(source, workcell, parts)
+    found = None if report.failed else _task(source, workcell, parts)
+    return found if found is not None and check_roundings(found, report) else None
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:

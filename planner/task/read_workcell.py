@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.optics.lens.lens import LensErrors
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.normalise import plain, plain_outline
@@ -13,12 +14,12 @@ from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.source.source import Source
 from microplan.planner.task.check_workcell import check_fingers
 from microplan.planner.task.drawings import DrawingSheet, open_named, take
-from microplan.planner.task.finishes import surface_finish
+from microplan.planner.task.finishes import interval, surface_finish
+from microplan.planner.task.light.read_light import read_coherence, read_light
 from microplan.planner.task.workcell import (
     CameraSpec,
     Focus,
     Interval,
-    LightSpec,
     Optics,
     Robot,
     Servo,
@@ -83,15 +84,18 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
     axes, stage = data["axes"], data["axes"]["stage"]
     return Workcell(
         name=data["name"],
-        optics=_optics(data["optics"]),
+        optics=_optics(data["optics"], read_coherence(data)),
         camera=_camera(data["camera"]),
-        light=from_data(LightSpec, data["light"]),
+        light=read_light(data["light"]),
         stage=from_data(
             Stage,
             {
                 **stage,
                 "axes": _axes(stage),
                 "axis_tilt_sigma_rad": stage["axis_tilt_sigma_mrad"] / 1000,
+                "finish": list(interval(stage["finish"]))
+                if "finish" in stage
+                else None,
             },
         ),
         robot=from_data(Robot, {**axes["robot"], "axes": _axes(axes["robot"])}),
@@ -114,7 +118,7 @@ def places(source: Source) -> dict[str, Span]:
     return found
 
 
-def _optics(raw: Mapping[str, Any]) -> Optics:
+def _optics(raw: Mapping[str, Any], coherence: Coherence | None) -> Optics:
     low, high = raw["magnification"]["min"], raw["magnification"]["max"]
     table = raw["numerical_aperture"]
     if not isinstance(table, list):
@@ -125,7 +129,7 @@ def _optics(raw: Mapping[str, Any]) -> Optics:
         apertures=apertures,
         wavelength_um=float(raw["wavelength_um"]),
         medium_index=float(raw["medium_index"]),
-        coherence=float(raw["coherence"]),
+        coherence=coherence,
         zoom=from_data(Zoom, raw["zoom"]),
         focus=from_data(Focus, raw["focus"]),
         lens=_lens(raw, _held(apertures, float(low), float(high))),

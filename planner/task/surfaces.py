@@ -14,6 +14,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.source.schema import Checked
 from microplan.planner.source.source import Key
 from microplan.planner.task.drawings import AnyDrawing, take
+from microplan.planner.task.finishes import interval
 from microplan.planner.task.task import FaceMark, Part
 
 Covering = tuple[str, Outline, float]  # a mark: name in a scene, edges, reflectance
@@ -123,6 +124,8 @@ def read_marks(
             on=name.rpartition(".")[0],
             outline=place(taken[name].outline, -origin[0], -origin[1]),
             reflectance=float(raw["reflectance"]),
+            finish=interval(raw["finish"]) if "finish" in raw else None,
+            transmittance=float(raw.get("transmittance", 0.0)),
             where=task.source.key(*where),
         )
         for name, where, raw in _declared(task, part)

@@ -70,6 +70,8 @@ class FaceMark:
     on: str  # the post that carries it; "": the part
     outline: Outline  # separate pads are rings of one
     reflectance: float
+    finish: tuple[float, float] | None = None  # None: not stated
+    transmittance: float = 0.0
     where: Span
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
@@ -16,6 +17,8 @@ from microplan.planner.task.drawings import DrawingSheet
 from microplan.planner.task.finishes import SurfaceFinish
 
 Interval = tuple[float, float]
+
+RINGS = ("ring", "dark_field")  # kinds of light from around the objective
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +49,7 @@ class Optics:
     apertures: tuple[tuple[float, float], ...]  # (magnification, aperture), ascending
     wavelength_um: float
     medium_index: float
-    coherence: float
+    coherence: Coherence | None  # None: incoherent
     zoom: Zoom
     focus: Focus
     lens: LensErrors  # without the light's gradient and edge offsets
@@ -85,6 +88,18 @@ class LightSpec:
     kind: str
     level: Interval
     gradient: float  # relative change across the field, any direction
+    aperture: float | None = None  # of a lamp below
+    elevation_rad: Interval | None = None  # of a ring
+
+    @property
+    def is_transmitted(self) -> bool:
+        """Return whether it comes from below."""
+        return self.kind == "transmitted"
+
+    @property
+    def is_ring(self) -> bool:
+        """Return whether it comes from around the objective."""
+        return self.kind in RINGS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +126,8 @@ class Stage:
     theta_axis_um: tuple[float, float]
     drift_um_per_min: float
     axis_tilt_sigma_rad: float
+    finish: Interval | None = None  # of its surface; None: not stated
+    transmittance: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

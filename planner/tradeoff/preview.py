@@ -29,6 +29,7 @@ from microplan.planner.store.folder import replace_alike
 from microplan.planner.store.pictures import picture
 from microplan.planner.task.task import Task
 from microplan.planner.views.coarse import first_views
+from microplan.planner.views.light.lit_layers import field_level
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.scenes import world_scene
 from microplan.planner.views.views import light_level
@@ -156,8 +157,11 @@ def _setting(
     """Return microscope, focus and light level, as compiled where not overridden."""
     low, high = task.workcell.optics.magnification
     zoom, focus = low, _focus_of(task, here)
-    layers = world_scene(task, state).layers
-    level = light_level(task.workcell, layers, task.benchmark)
+    world = world_scene(task, state)
+    field = field_level(
+        world.background, task.workcell, microscope_at(task.workcell, low)
+    )
+    level = light_level(task.workcell, world.layers, task.benchmark, field)
     settings = first_views(task, look, low, report)[1] if look else ()
     if settings:
         zoom, focus = settings[0].microscope.magnification, settings[0].focus_um

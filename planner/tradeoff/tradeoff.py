@@ -43,6 +43,7 @@ from microplan.planner.tradeoff.tradeoff_record import (
 )
 from microplan.planner.views.coarse import first_views
 from microplan.planner.views.lens_errors import known_errors
+from microplan.planner.views.light.lit_layers import field_level
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.scenes import relevant, world_scene
 from microplan.planner.views.target_views import needed_shape, target_pose
@@ -154,7 +155,7 @@ def _frame(
     world = world_scene(task, request.state)
     seen = Scene(
         layers=relevant(world.layers, scope, focus_um, frame),
-        background=world.background,
+        background=field_level(world.background, task.workcell, scope),
     )
     image = render(
         lens_scene(seen, scope, known_errors(task.workcell), focus_um),

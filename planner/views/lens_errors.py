@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from microplan.featuresel.routines.contract import TargetKind
-from microplan.optics.coherence.edge_offsets import ring_shifts_um
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.lens_budget import LensRow, predict
 from microplan.optics.outline.outline import Outline, place
@@ -14,11 +12,11 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, State
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.light.lit_layers import dull_level, stage_level
 from microplan.planner.views.targets import TargetShape, surface_of, target_layers
 
 NM_PER_UM = 1000.0
 _MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
-SYMMETRIC: tuple[TargetKind, ...] = ("circle", "jaws")
 
 
 def known_errors(cell: Workcell) -> LensErrors:
@@ -44,8 +42,17 @@ def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
     """
     if cell.light.kind != "coaxial":
         return None
-    share = min(cell.optics.coherence or 1.0, 1.0)
+    share = coaxial_share(cell)
     return min(share * microscope.aperture, _MOST_APERTURE * microscope.medium_index)
+
+
+def coaxial_share(cell: Workcell) -> float:
+    """Return the aperture of coaxial light over that of the objective, at most 1.
+
+    The most that the workcell's coherence allows.
+    """
+    coherence = cell.optics.coherence
+    return 1.0 if coherence is None else min(coherence.most, 1.0)
 
 
 def lens_rows(
@@ -82,14 +89,19 @@ def _body(task: Task, state: State, shape: TargetShape) -> Outline | None:
 
 
 def _levels(task: Task, shape: TargetShape) -> tuple[float, float]:
-    """Return the reflectances on both sides of the target's edges, the darker first."""
+    """Return what is sent on both sides of the target's edges, the darker first."""
     part, cell = task.parts.get(shape.owner), task.workcell
     if part is None:
-        pair = (cell.tools[shape.owner].reflectance, cell.stage.reflectance)
+        pair = (
+            dull_level(task, shape.owner, cell.tools[shape.owner].reflectance),
+            stage_level(cell),
+        )
     else:
         face = surface_of(part, shape)
-        around = cell.stage.reflectance if face.around is None else face.around
-        pair = (face.reflectance, around)
+        around = stage_level(cell)
+        if face.around is not None and not cell.light.is_transmitted:
+            around = dull_level(task, part.name, face.around)
+        pair = (dull_level(task, shape.body, face.reflectance), around)
     return (min(pair), max(pair))
 
 
@@ -99,23 +111,6 @@ def middle_sigma_um(cell: Workcell, microscope: Microscope, target_at: Place) ->
     rows = predict(lens, microscope, [(target_at.pose.x_um, target_at.pose.y_um)])
     row = next(row for row in rows if row.effect == "radial distortion")
     return row.sigma_nm / NM_PER_UM
-
-
-def middle_offset_um(
-    task: Task, state: State, shape: TargetShape, microscope: Microscope
-) -> float:
-    """Return how far partly coherent light moves the middle of a target in focus.
-
-    Holes, posts and jaws have a centre of symmetry, which stays.
-    """
-    coherence, body = task.workcell.optics.coherence, _body(task, state, shape)
-    dark, bright = _levels(task, shape)
-    if not coherence or body is None or shape.kind in SYMMETRIC or dark == bright:
-        return 0.0
-    shifts = ring_shifts_um(
-        body, coherence, microscope, reflectance=bright, background=dark
-    )
-    return max(math.hypot(*shift) for shift in shifts)
 
 
 def _all_errors(task: Task, shape: TargetShape) -> LensErrors:

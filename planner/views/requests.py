@@ -52,6 +52,8 @@ class Request:
     # the same with which it would be as likely as with a faultless look at another
     # zoom, where that one's jump leaves less than the share; None: it does not
     break_even_um: float | None = None
+    # how far off the nominal pose its answer is used at last; None: nothing says it
+    used_within_um: float | None = None
 
 
 def requests(
@@ -90,7 +92,8 @@ def requests(
         share = LOOK_SHARE * (tolerance_um or 0.0)
         turn = _share(LOOK_SHARE, step.tolerance_theta_rad)
         found = _request(here, step.target, "", share, turn)
-        return (replace(found, asked_by=_asked_by(states, here, tolerance_um)),)
+        asked = _asked_by(states, here, tolerance_um)
+        return (replace(found, asked_by=asked, used_within_um=tolerance_um),)
     if step.verb == "verify":
         share = VERIFY_SHARE * (step.within_um or 0.0)
         turn = _share(VERIFY_SHARE, step.within_rad)
@@ -98,6 +101,7 @@ def requests(
             replace(
                 _request(here, name, suffix, share, turn),
                 asked_by=f"a quarter of the {step.within_um or 0.0:.3g} um to verify",
+                used_within_um=step.within_um,
             )
             for name, suffix in ((step.target, "target"), (step.on, "seat"))
         )

@@ -24,6 +24,11 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.assembly.world import axis_move
 from microplan.planner.task.task import Task
+from microplan.planner.views.light.lit_layers import (
+    asks_for_walls,
+    lit_layers,
+    stage_level,
+)
 from microplan.planner.views.targets import TargetShape, face_layers, outline_of
 from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
 from microplan.schemas.plan import Shade
@@ -76,10 +81,21 @@ EDGE_POINTS = 2000
 
 
 def world_scene(task: Task, state: State) -> Scene:
-    """Return everything in the world as layers, whether in view or not."""
+    """Return everything in the world as layers, whether in view or not.
+
+    They send what the workcell's light makes them send.
+    """
+    walls = asks_for_walls(task.workcell)
     return Scene(
-        layers=tuple(la for body in bodies(task, state) for la in _layers(body)),
-        background=task.workcell.stage.reflectance,
+        layers=lit_layers(
+            task,
+            [
+                layer
+                for body in bodies(task, state)
+                for layer in _layers(body, walls=walls)
+            ],
+        ),
+        background=stage_level(task.workcell),
         background_z_um=task.workcell.stage.datum_z_um + state.stage.z_um,
     )
 
@@ -109,7 +125,7 @@ def shade_of(
     """
     if shape.owner in task.workcell.tools:
         return ()
-    points = shapely.points(_edge_points(task, shape, target_at))
+    points = shapely.points(edge_points(task, shape, target_at))
     slope = math.tan(math.asin(aperture / index))
     found = []
     for body in bodies(task, state):
@@ -132,13 +148,14 @@ def _is_own_face(body: Body, shape: TargetShape) -> bool:
     return body.name in (shape.name, shape.owner, shape.body)
 
 
-def _layers(body: Body) -> tuple[Layer, ...]:
+def _layers(body: Body, *, walls: bool) -> tuple[Layer, ...]:
     """Return a body and the marks on it for images.
 
-    It is solid where its wall or its finish is stated. Others are their top faces:
-    walls cost an image several times its time.
+    It is solid where its wall or its finish is stated, or the light asks for walls:
+    from below and from the side they hide the most. Others are their top faces: walls
+    cost an image several times its time.
     """
-    is_solid = any(body.surface.stated) and body.z_low_um < body.z_high_um
+    is_solid = (walls or any(body.surface.stated)) and body.z_low_um < body.z_high_um
     return tuple(
         replace(
             layer,
@@ -179,7 +196,7 @@ def _reaches(
     )
 
 
-def _edge_points(task: Task, shape: TargetShape, target_at: Place) -> FloatArray:
+def edge_points(task: Task, shape: TargetShape, target_at: Place) -> FloatArray:
     """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
 
     They lie evenly along all edges, in the middle of as many equal lengths.

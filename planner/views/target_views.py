@@ -14,8 +14,15 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.surfaces import surfaces
 from microplan.planner.task.task import PartFeature, Task
 from microplan.planner.views.focus import focus_for
+from microplan.planner.views.light.lit_layers import field_level
+from microplan.planner.views.light.opaque_below import report_opaque
 from microplan.planner.views.requests import Request
-from microplan.planner.views.scenes import relevant, shade_of, world_scene
+from microplan.planner.views.scenes import (
+    edge_points,
+    relevant,
+    shade_of,
+    world_scene,
+)
 from microplan.planner.views.targets import (
     TargetShape,
     outline_of,
@@ -70,6 +77,11 @@ def views(
         _report_tight(task, request, shape, target_at, report)
         widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
         _report_shade(task, request, shape, target_at, widest, report)
+        if task.workcell.light.is_transmitted and shape.owner in task.parts:
+            points = edge_points(task, shape, target_at)
+            args = task, request.state, shape, target_at.z_um, points
+            if report_opaque(*args, request.where, report):
+                return ()
     return tuple(found)
 
 
@@ -145,19 +157,6 @@ def _origin(task: Task, request: Request, target_at: Place) -> Origin:
     )
 
 
-def _shade_advice(task: Task) -> str:
-    """Return what the trials say of bodies above a target, and what to do."""
-    if task.workcell.light.kind == "coaxial":
-        return (
-            "trials of the look have it; if they find nothing good enough, choose a "
-            "'view_um' where nothing higher stands near"
-        )
-    return (
-        "trials have what is hidden and not the lost light: if the look fails on the "
-        "cell, choose a 'view_um' where nothing higher stands near"
-    )
-
-
 def _report_shade(
     task: Task,
     request: Request,
@@ -192,7 +191,8 @@ def _report_shade(
         f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "
         f"{f'some of its edges ({said})' if said else 'none of its edges'}, and takes "
         f"light on one side from up to {reached:.0%} of them",
-        _shade_advice(task),
+        "trials of the look have it; if they find nothing good enough, choose a "
+        "'view_um' where nothing higher stands near",
     )
 
 
@@ -252,7 +252,9 @@ def _lit(
     """Return a view of a box about a target, lit for the brightest of what it shows."""
     region = region_for(scope, box_um, target_at, search_um(task, target_at))
     seen = relevant(scene.layers, scope, focus_um, region)
-    level = light_level(task.workcell, seen, task.benchmark)
+    cell = task.workcell
+    field = field_level(scene.background, cell, scope)
+    level = light_level(cell, seen, task.benchmark, field)
     return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)
 
 

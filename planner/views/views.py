@@ -15,6 +15,8 @@ from microplan.planner.task.workcell import Workcell
 
 SEARCH_SIGMAS = 3.0  # half-width of the search, in sigmas of the target's position
 CONTEXT_UM = 20.0  # surroundings that calipers need beyond the target
+# a line narrower than the lens shows loses its brightness by so much
+LINE_UM = 0.7
 BRIGHTEST = 0.95  # share of full scale that the brightest face may reach
 
 
@@ -28,10 +30,22 @@ class ViewPlan:
     region: Window
 
 
-def light_level(cell: Workcell, layers: Iterable[Layer], spread: Benchmark) -> float:
-    """Return the light level at which the brightest face keeps below full scale."""
-    faces = [layer.reflectance for layer in layers]
-    brightest = max([*faces, cell.stage.reflectance])
+def light_level(
+    cell: Workcell, layers: Iterable[Layer], spread: Benchmark, background: float
+) -> float:
+    """Return the light level at which the brightest face keeps below full scale.
+
+    `background` is what lies below all layers; a line of an edge counts by what the
+    lens makes of it, its width over the resolution.
+    """
+    shown = tuple(layers)
+    faces = [layer.reflectance for layer in shown]
+    lines = [
+        layer.reflectance + min(line.width_um / LINE_UM, 1.0) * line.level
+        for layer in shown
+        if (line := layer.edge_line) is not None
+    ]
+    brightest = max([*faces, *lines, background])
     worst = brightest * spread.light_gain[1] * (1 + spread.light_gradient[1] / 2)
     low, high = cell.light.level
     return max(low, min(high, BRIGHTEST / worst)) if worst > 0 else high

@@ -13,6 +13,7 @@ from microplan.planner.assembly.assembly import Place
 from microplan.planner.assembly.swept_volume import SIGMAS
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.light.lit_layers import lamp_below
 from microplan.planner.views.targets import TargetShape
 from microplan.schemas.plan.views import ZoomBound
 
@@ -56,6 +57,7 @@ def microscope_at(cell: Workcell, magnification: float) -> Microscope:
         width_px=cell.camera.width_px,
         height_px=cell.camera.height_px,
         fill_factor=cell.camera.fill_factor,
+        lamp_aperture=lamp_below(cell),
     )
 
 

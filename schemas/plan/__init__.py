@@ -45,6 +45,7 @@ from microplan.schemas.plan.evidence import (
     Together,
 )
 from microplan.schemas.plan.looks import (
+    EffectCost,
     EffectRow,
     LayerRecord,
     Look,
@@ -57,6 +58,7 @@ from microplan.schemas.plan.measures import (
     Depth,
     Gates,
     Measure,
+    ModelCost,
     Reference,
     Region,
     Repeatability,
@@ -85,6 +87,7 @@ __all__ = [
     "Conditions",
     "Control",
     "Depth",
+    "EffectCost",
     "EffectRow",
     "Evidence",
     "FallbackRecord",
@@ -98,6 +101,7 @@ __all__ = [
     "LocateAction",
     "Look",
     "Measure",
+    "ModelCost",
     "MoveAction",
     "OnFailure",
     "Plan",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from microplan.schemas.plan.measures import Repeatability
+from microplan.schemas.plan.measures import ModelCost, Repeatability
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,3 +93,4 @@ class Together:
     silent_upper: float  # as in `Score`, of the same trials
     # Added after 2.3; None: unknown. Of the set's place.
     repeatability: Repeatability | None = None
+    model_cost: ModelCost | None = None  # added after 2.4: of the set's place, at most

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from microplan.schemas.plan.evidence import Evidence, Together
-from microplan.schemas.plan.measures import Measure, Repeatability
+from microplan.schemas.plan.measures import Measure, ModelCost, Repeatability
 from microplan.schemas.plan.views import CoarseFirst, ViewVerdict
 
 
@@ -51,6 +51,17 @@ class SceneRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EffectCost:
+    """What an effect above its limit costs a look's chain, by pairs of images."""
+
+    by: str  # what the better image of a pair has
+    pairs: int  # of images that the chain answered both of
+    bias_um: tuple[float, float]  # mean difference of its answers, target's frame
+    half_width_um: tuple[float, float]  # of that: two-sided 95 %, and of an interval
+    sigma_um: tuple[float, float]  # standard deviation over the poses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EffectRow:
     """One effect, how it is treated, and what leaving the rest out costs."""
 
@@ -60,6 +71,8 @@ class EffectRow:
     limit: float | None  # what it may cost; None: none is set
     unit: str  # of error and limit
     reason: str  # why this level
+    # Added after 2.4; None: within its limit, or not known. Of the look's target.
+    cost: EffectCost | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +109,13 @@ class Look:
         if self.together is None:
             return self.measure.repeatability
         return self.together.repeatability
+
+    @property
+    def model_cost(self) -> ModelCost | None:
+        """Return what its images' errors cost the target's place."""
+        if self.together is None:
+            return self.measure.model_cost
+        return self.together.model_cost
 
     @property
     def sigma_theta_rad(self) -> float | None:

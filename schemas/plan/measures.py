@@ -88,6 +88,25 @@ class Repeatability:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ModelCost:
+    """What images that are not quite right cost a chain, by pairs with better ones.
+
+    Sums over the effects that are above their limits, in the target's frame.
+    """
+
+    pairs: int  # of images that the chain answered both of, of the effect with fewest
+    freedom: int  # degrees of freedom of the half-widths
+    bias_um: tuple[float, float]  # mean error that they add; in a measure's `bias_um`
+    half_width_um: tuple[float, float]  # of that, two-sided 95 %, with `interval_um`
+    interval_um: tuple[float, float]  # of what is only known between two ends
+    sigma_um: tuple[float, float]  # over the poses; in a measure's `sigma_xy_um`
+    bias_theta_rad: float | None = None  # None: no angle is measured
+    half_width_theta_rad: float | None = None  # of that, as `half_width_um`
+    interval_theta_rad: float | None = None  # as `interval_um`
+    sigma_theta_rad: float | None = None  # as `sigma_um`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
     """How a look measures one feature: its target, or another of the same part."""
 
@@ -119,3 +138,6 @@ class Measure:
     # Added after 2.3; None: unknown. What sigma and bias are known by.
     repeatability: Repeatability | None = None
     usable_draws: int | None = None  # images at each stop of the usable ranges
+    # Added after 2.4; None: unknown. What its images' errors cost, of the chain.
+    model_cost: ModelCost | None = None
+    fallback_model_cost: ModelCost | None = None  # as model_cost, of the fallback

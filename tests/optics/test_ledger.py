@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.optics.layers.layer_error import choose_layers
 from microplan.optics.layers.shading import SHADED_ERROR
 from microplan.optics.ledger import CONTRAST, NM, Imaged, LedgerRow, ledger
@@ -33,7 +34,7 @@ def imaged(*layers: Layer, coherence: float = 0.0) -> Imaged:
         focus_um=0.0,
         fidelity=choose(scene, microscope(), focus_um=(0.0,), limit=0.01),
         layering=choose_layers(scene, microscope(), focus_um=(0.0,), limit=0.01),
-        coherence=coherence,
+        coherence=Coherence(least=coherence, most=coherence) if coherence else None,
     )
 
 

@@ -44,7 +44,7 @@ class QuickPictures:
         height_px: int,
         scale: float,
     ) -> FloatArray:
-        """Return a part of a frame; see `camera.Pictures`."""
+        """Return (rows, columns) px of a frame, shares of 1; see `camera.Pictures`."""
         microscope, focus_um = self._microscope(height_px, scale), self._lens.focus_um
         share = self._truth.world.optics.lamp_share * microscope.aperture
         whole = (window.rows, window.columns) == (height_px, microscope.width_px)
@@ -71,7 +71,7 @@ class QuickPictures:
         )
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture."""
+        """Return what the sensor makes of a picture, (rows, columns) px counts."""
         optics = self._truth.world.optics
         sensor = Sensor(
             full_well_e=optics.full_well_e,

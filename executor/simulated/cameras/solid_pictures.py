@@ -49,9 +49,16 @@ class SolidPictures:
         height_px: int,
         scale: float,
     ) -> FloatArray:
-        """Return a part of a frame; see `camera.Pictures`."""
+        """Return (rows, columns) px of a frame, shares of 1; see `camera.Pictures`."""
+        view = self.view(lamp, height_px=height_px, scale=scale)
+        return photograph(bodies_of(self._truth), view, window)
+
+    def view(
+        self, lamp: LampLevel, *, height_px: int, scale: float = 1.0
+    ) -> ImagingView:
+        """Return the present setting of lens, light and camera."""
         optics, lens = self._truth.world.optics, self._lens
-        view = ImagingView(
+        return ImagingView(
             aperture=lens.aperture,
             wavelength_um=optics.wavelength_um,
             medium_index=optics.medium_index,
@@ -66,10 +73,9 @@ class SolidPictures:
             errors=lens.errors,
             lamp=lamp,
         )
-        return photograph(bodies_of(self._truth), view, window)
 
     def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture."""
+        """Return what the sensor makes of a picture, (rows, columns) px counts."""
         optics = self._truth.world.optics
         return counted(
             image,

@@ -87,9 +87,9 @@ class ImagingView:
 class RaySampling:
     """How finely a picture is sampled; the defaults keep within .001 rms."""
 
-    rays: int = 360  # through the pupil
-    least_rays: int = 160  # where the picture is large
-    lamp_rays: int = 240  # through the lamp, from each lit point
+    rays: int = 720  # through the pupil
+    least_rays: int = 240  # where the picture is large
+    lamp_rays: int = 480  # through the lamp, from each lit point
     turn_rad: float = 0.0  # of the pupil's pattern: another one, another sampling error
     fine_um: float = 0.2  # grid of the sharp plane, at most a seventh of lambda / A
     spacing: float = 0.2  # of a lattice, by the blur of what lies above or below

@@ -34,6 +34,7 @@ from microplan.executor.simulated.imaging.rays.pupil_rays import (
 from microplan.executor.simulated.imaging.rays.ray_picture import RayPicture
 from microplan.executor.simulated.imaging.refocus import Refocused
 from microplan.executor.simulated.imaging.sharp_plane import SharpPlane, sharp_plane
+from microplan.executor.simulated.imaging.solids.nearby import drawn_back
 from microplan.executor.simulated.imaging.solids.solid_scene import (
     HEIGHT_DIGITS,
     MappedBody,
@@ -49,8 +50,9 @@ NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
 GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used again
 TILE_PX = 220  # larger windows are taken in pieces
 FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
-KEPT = 6  # scenes
-MOST_RAYS = 2_500_000  # through a plane's points
+BLURS_UM = (0.5, 10.0, 20.0)  # a plane has room for: a sweep of focus asks for few
+KEPT = 3  # scenes
+MOST_RAYS = 4_000_000  # through a plane's points
 
 
 def photograph(
@@ -108,8 +110,10 @@ def _tile(
     x0, y0, x1, y1 = pixels.box
     middle = (float(round((x0 + x1) / 2)), float(round((y0 + y1) / 2)))
     focus_um = focus_at(view, *middle)
-    work = _prepared(scene, view, middle, sampling)
-    return work.picture(pixels, view, focus_um)
+    near, away = drawn_back(scene, middle, _reach_um(scene, view))
+    work = _prepared(near, view, middle, sampling)
+    moved = FieldMap(pixels.x_um - away[0], pixels.y_um - away[1])
+    return work.picture(moved, view, focus_um)
 
 
 class PhotographedScene:
@@ -126,11 +130,7 @@ class PhotographedScene:
         self._stage_um = round(scene.stage_um, HEIGHT_DIGITS)
         self._stage_reflectance = scene.stage_reflectance
         self._sampling = sampling
-        self._bodies = tuple(
-            mapped(body, middle)
-            for body in scene.bodies
-            if body.away_um(*middle) < _reach_um(scene, view)
-        )
+        self._bodies = tuple(mapped(body, middle) for body in scene.bodies)
         self._pictures: dict[tuple[float | None, int], RayPicture] = {}
         self._solids: dict[float | None, Solids] = {}
         self._lights: dict[float | None, FaceLight] = {}
@@ -147,7 +147,8 @@ class PhotographedScene:
         x, y = seen_at(view, pixels.x_um, pixels.y_um, defocus_um)
         x, y = x - self._middle[0], y - self._middle[1]
         blur_um = view.steepest * abs(defocus_um)
-        plane = self._plane(at_um, _grown(x, y, NEAR_UM + blur_um))
+        room_um = next((v for v in BLURS_UM if blur_um <= v), blur_um)
+        plane = self._plane(at_um, _grown(x, y, NEAR_UM + room_um))
         column, row = (
             (v - g[0]) / plane.step_um for v, g in ((x, plane.x_um), (y, plane.y_um))
         )

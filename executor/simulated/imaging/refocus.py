@@ -60,7 +60,6 @@ class Refocused:
         px, py = lattice.points()
         shape = (len(lattice.y_um), len(lattice.x_um))
         reach = region.distance(px, py) < 2 * lattice.spacing_um
-        near = self._near_edges(px, py, lattice.spacing_um) & reach
         coarse = lattice_over(
             (lattice.x_um[0], lattice.y_um[0], lattice.x_um[-1], lattice.y_um[-1]),
             max(
@@ -68,6 +67,9 @@ class Refocused:
                 COARSE_PLANE * self.plane.lattice.spacing_um,
             ),
         )
+        # a coarse point near an edge bends what lies between it and the next
+        wide_um = self.blur_um + 2 * lattice.spacing_um + coarse.spacing_um
+        near = self._near_edges(px, py, wide_um) & reach
         cx, cy = coarse.points()
         base = self._at(*region.drawn_in(cx, cy)[:2]).reshape(
             len(coarse.y_um), len(coarse.x_um)
@@ -78,11 +80,11 @@ class Refocused:
         values[at] = self._at(qx, qy)
         return lattice.smooth(values.reshape(shape), self.plane.x_um, self.plane.y_um)
 
-    def _near_edges(self, x: FloatArray, y: FloatArray, spacing_um: float) -> BoolArray:
-        """Return which points are within a blur of a border in the plane."""
+    def _near_edges(self, x: FloatArray, y: FloatArray, wide_um: float) -> BoolArray:
+        """Return which points are so near to a border in the plane."""
         cell = self.plane.cell(x.astype(np.float32), y.astype(np.float32))
         away = self.plane.edge_um.ravel().take(cell)
-        near: BoolArray = away < self.blur_um + 2 * spacing_um
+        near: BoolArray = away < wide_um
         return near
 
     def _at(self, x: FloatArray, y: FloatArray) -> FloatArray:

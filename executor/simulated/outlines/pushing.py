@@ -202,7 +202,7 @@ def _lines(
 
 
 def least_distance(slopes: FloatArray, least: FloatArray) -> FloatArray | None:
-    """Return the shortest x with slopes @ x >= least, or None if there is none.
+    """Return the shortest (N,) x with slopes @ x >= least, None if there is none.
 
     Parameters
     ----------

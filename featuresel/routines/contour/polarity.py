@@ -36,6 +36,8 @@ _FOCUS_SIGMAS = 2.0  # of the focus error, through which the polarity must hold
 # of the focus, where the sharpest image of the target is looked for
 _SWEEP_UM = (-32.0, -16.0, -8.0, -4.0, 0.0)
 _SWEEP_UM = (*_SWEEP_UM, *(-z for z in reversed(_SWEEP_UM[:-1])))
+_ACROSS = 0.5  # of a step must be between points one blur off the edge
+_AIRY = 1.22  # radius of the first dark ring, over the period of the cutoff
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
 
@@ -74,7 +76,8 @@ def predict(
     is kept is above the noise; square to the image's gradient; near the extremum of its
     profile; there for the narrowest filter too; moves with the target; has the same
     sign at focus errors of two sigma to both sides, and where the target is sharpest
-    (no spurious resolution).
+    (no spurious resolution). In a ring's light, where edges are lines and walls throw
+    shadows, a step must stand between points one blur off the drawn edge, too.
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     image = render() if image is None else image
@@ -85,6 +88,8 @@ def predict(
     if kept.any():
         kept = kept & _own(render, target, image, where, best)
         kept &= _steadfast(render, target, where, best)
+        if render.nuisances.has_lines:
+            kept &= _across(render, target, image, where, best)
     return replace(best, kept=kept)
 
 
@@ -237,6 +242,30 @@ def _own(
     )
     step = -(across * where[:, 2] - upward * where[:, 3])
     found: BoolArray = step * np.sign(seen.step) >= _OWN * np.abs(seen.step)
+    return found
+
+
+def _across(
+    render: LookModel,
+    target: Target,
+    image: FloatArray,
+    where: FloatArray,
+    seen: Prediction,
+) -> BoolArray:
+    """Return which steps are those between points one blur off the edge drawn."""
+    blur_px = max(_AIRY / render.blur.cutoff_per_um * target.px_per_um, 1.0)
+    outside, inside = (
+        cubic(
+            image,
+            where[:, 0] + side * blur_px * where[:, 2],
+            where[:, 1] + side * blur_px * where[:, 3],
+        )[0]
+        for side in (1, -1)
+    )
+    across = np.nan_to_num(outside - inside) * np.sign(seen.step)
+    near = np.abs(seen.offset_px) <= blur_px
+    least = np.maximum(_ACROSS * np.abs(seen.step), 2 * FAINT)
+    found: BoolArray = near & (across >= least)
     return found
 
 

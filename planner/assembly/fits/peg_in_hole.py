@@ -21,6 +21,7 @@ from microplan.planner.assembly.fits.free_slice import Opening, Peg, free_slice
 # clearance; in the mean it is 0.
 CHORD_SHARES = (5e-5, 4e-4)
 CHORD_OF_CLEARANCE = 0.005
+MANY = 200  # edges, as a drawn curve may have: beyond, it is taken as its chords
 KEPT = 4  # fits whose slices are kept, a few MB each
 
 
@@ -92,9 +93,13 @@ def ring_points(ring: Ring, chord_um: float) -> FloatArray:
     Between their ends arcs on which the body bulges become polygons of the arc's own
     length, r a / sin a at half the angle a of a chord: the distances of their tangents
     are right in the mean. Those on which it is hollow, along which another body slides,
-    become tangents, r / cos a.
+    become tangents, r / cos a. Of many edges those that make less of a corner than
+    chords do are left out: the time of a slice grows with the square of their number.
     """
-    return np.concatenate([_edge_points(edge, chord_um) for edge in ring.edges])
+    points = np.concatenate([_edge_points(edge, chord_um) for edge in ring.edges])
+    if len(ring.edges) <= MANY:
+        return points
+    return shapely.get_coordinates(shapely.simplify(Polygon(points), chord_um))[:-1]
 
 
 def _edge_points(edge: Edge, chord_um: float) -> FloatArray:
@@ -203,9 +208,9 @@ class Slices:
         drawn = self.at(turn_rad, max(hole_um, 0.0), min(peg_um, 0.0))
         return shapely.union_all(shapely.buffer(list(drawn), -less_um, quad_segs=16))
 
-    def capture_um(self, wider_um: float = 0.0) -> float:
+    def capture_um(self, wider_um: float = 0.0, turn_rad: float = 0.0) -> float:
         """Return the distance from the planned place to the edge of its slice, or 0."""
-        middle, pieces = Point(0.0, 0.0), self.at(0.0, wider_um)
+        middle, pieces = Point(0.0, 0.0), self.at(turn_rad, wider_um)
         holding = next((p for p in pieces if p.contains(middle)), None)
         return 0.0 if holding is None else float(holding.boundary.distance(middle))
 

@@ -19,7 +19,9 @@ from microplan.planner.assembly.fits.peg_in_hole import (
 )
 
 SHARP = 1e-4  # of a room or an angle, as a share of the hole's size or of a turn
-LEAST_TURN = 1e-4  # rad: angles are searched to that
+LEAST_TURN = 1e-4  # rad: other angles are searched to that
+LEAST_STEP = 1e-7  # rad: a stop is found to that
+FINE_SHARE = 0.002  # of the hole's size: how far apart an overlap's edges are probed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,23 +110,14 @@ def free_angles_rad(fit: PegInHole, wider_um: float = 0.0) -> tuple[float, float
 
 def _stop(fit: PegInHole, wider_um: float, side: float) -> float:
     """Return the angle at which the planned place is no longer free, one way round."""
-    slices, middle = slices_of(fit), Point(0.0, 0.0)
-
-    def is_free(turn: float) -> bool:
-        return any(p.contains(middle) for p in slices.at(side * turn, wider_um))
-
-    step = LEAST_TURN
-    if not is_free(0.0):
-        return 0.0
-    while is_free(step):
-        step *= 2
-        if step >= math.pi:
-            return side * math.pi
-    low, high = (step / 2 if step > LEAST_TURN else 0.0), step
-    while high - low > 0.01 * high:
-        turn = (low + high) / 2
-        low, high = (turn, high) if is_free(turn) else (low, turn)
-    return side * low
+    slices, turn = slices_of(fit), 0.0
+    while turn < math.pi:
+        # turned by that much more, no point of the peg moves by more than its room
+        more = slices.capture_um(wider_um, side * turn) / slices.reach_um
+        if more < max(SHARP * turn, LEAST_STEP):
+            return side * turn
+        turn += more
+    return side * math.pi
 
 
 def angle_elsewhere_rad(fit: PegInHole) -> float | None:
@@ -159,11 +152,13 @@ def overlap_of(fit: PegInHole) -> Overlap | None:
     outside = peg.difference(hole)
     if outside.is_empty:
         return None
-    corners = shapely.get_coordinates(outside)
-    depths = np.asarray(shapely.distance(hole, shapely.points(corners)))
-    deepest = int(np.argmax(depths))
-    x, y = corners[deepest].tolist()
-    return Overlap(depth_um=float(depths[deepest]), at_um=(x, y))
+    # a peg across two openings is deepest between its corners
+    lines = shapely.segmentize(outside, FINE_SHARE * fit.size_um)
+    middles = [shapely.maximum_inscribed_circle(p) for p in shapely.get_parts(outside)]
+    places = shapely.get_coordinates([lines, *middles])
+    depths = np.asarray(shapely.distance(hole, shapely.points(places)))
+    x, y = places[int(np.argmax(depths))].tolist()
+    return Overlap(depth_um=float(depths.max()), at_um=(x, y))
 
 
 def peg_points(fit: PegInHole) -> FloatArray:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from microplan.featuresel.trials.bounds import NORMAL_KURTOSIS
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.lower_bound.sample_bounds import (
     half_width_factor,
     sigma_factor,
 )
 from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.schemas.plan import ModelCost
 
 
 def bounded_history(history: MeasurementHistory, doubt: float) -> MeasurementHistory:
@@ -37,50 +39,108 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
 
     One whose trials are not known is taken as stated.
     """
-    known = seen.repeatability
+    known, cost = seen.repeatability, seen.model_cost
     if known is None:
         return seen
     factor = sigma_factor(known.answered, known.kurtosis, doubt)
+    model_um, grown_um = _model_um(cost, doubt)
+    parts = (seen.moved_um, model_um, grown_um)
     turn = seen.sigma_theta_rad
-    if turn is not None and known.kurtosis_theta is not None:
-        turn *= sigma_factor(known.answered, known.kurtosis_theta, doubt)
+    if turn and known.kurtosis_theta is not None:
+        turn_factor = sigma_factor(known.answered, known.kurtosis_theta, doubt)
+        model = 0.0 if cost is None else cost.sigma_theta_rad or 0.0
+        own = math.sqrt(max(turn**2 - model**2, 0.0))
+        turn = math.hypot(turn_factor * own, _pairs_factor(cost, doubt) * model)
     own_um = seen.sigma_without_scale_um
     return replace(
         seen,
-        sigma_um=_grown(seen.sigma_um, seen.moved_um, factor),
+        sigma_um=_grown(seen.sigma_um, parts, factor),
         sigma_without_scale_um=None
         if own_um is None
-        else _grown(own_um, seen.moved_um, factor),
+        else _grown(own_um, parts, factor),
         sigma_theta_rad=turn,
     )
 
 
-def _grown(sigma_um: float, moved_um: float, factor: float) -> float:
-    """Return sigma with what was measured of it grown, what moves add left alone."""
+def _model_um(cost: ModelCost | None, doubt: float) -> tuple[float, float]:
+    """Return sigma by errors of images, um, as it is and at its upper bound."""
+    if cost is None:
+        return (0.0, 0.0)
+    sigma_um = max(cost.sigma_um)
+    return (sigma_um, _pairs_factor(cost, doubt) * sigma_um)
+
+
+def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:
+    """Return the upper bound of a sigma from pairs of images over the sample's."""
+    if cost is None:
+        return 1.0
+    return sigma_factor(cost.pairs, NORMAL_KURTOSIS, doubt)
+
+
+def _grown(sigma_um: float, parts: tuple[float, float, float], factor: float) -> float:
+    """Return sigma with what trials measured of it grown.
+
+    `parts` of it are what moves add, left alone, and what errors of images do, as it is
+    and at its upper bound.
+    """
     if math.isinf(sigma_um):
         return sigma_um
-    measured_um = math.sqrt(max(sigma_um**2 - moved_um**2, 0.0))
-    return math.hypot(factor * measured_um, moved_um) if measured_um > 0 else moved_um
+    moved_um, model_um, model_grown_um = parts
+    measured_um = math.sqrt(max(sigma_um**2 - moved_um**2 - model_um**2, 0.0))
+    trials_um = factor * measured_um if measured_um > 0 else 0.0
+    return math.hypot(trials_um, moved_um, model_grown_um)
 
 
 def bias_um(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far a measurement's bias may be from the one taken off, um.
 
-    The corner of the box of both axes, each at `doubt`.
+    The corner of the box of both axes, each at `doubt`; inf of fewer than two answers.
     """
     known = None if seen is None else seen.repeatability
     if known is None:
         return 0.0
+    if known.answered < 2:
+        return math.inf
     return half_width_factor(known.answered, doubt) * math.hypot(*known.half_width_um)
+
+
+def model_bias_um(seen: PastMeasurement | None, doubt: float) -> float:
+    """Return how far the bias by errors of images may be from the one taken off, um.
+
+    What is only known between two ends counts as it is.
+    """
+    cost = None if seen is None else seen.model_cost
+    if cost is None:
+        return 0.0
+    factor = half_width_factor(cost.freedom + 1, doubt)
+    pairs = zip(cost.half_width_um, cost.interval_um, strict=True)
+    sides = [
+        between + (factor * (half - between) if half > between else 0.0)
+        for half, between in pairs
+    ]
+    return math.hypot(*sides)
 
 
 def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far the bias of a measured angle may be from 0, rad.
 
-    Nothing takes it off, so that all of it counts.
+    Nothing takes it off, so that all of it counts, with what errors of images and
+    coherence may add.
     """
-    known = None if seen is None else seen.repeatability
-    if known is None or known.half_width_theta_rad is None:
+    if seen is None:
         return 0.0
+    known = seen.repeatability
+    if known is None or known.half_width_theta_rad is None:
+        return seen.coherence_rad
+    if known.answered < 2:
+        return math.inf
     half_rad = half_width_factor(known.answered, doubt) * known.half_width_theta_rad
-    return abs(known.bias_theta_rad or 0.0) + half_rad
+    found_rad = abs(known.bias_theta_rad or 0.0) + half_rad + seen.coherence_rad
+    cost = seen.model_cost
+    if cost is None or cost.half_width_theta_rad is None:
+        return found_rad
+    between = cost.interval_theta_rad or 0.0
+    more = half_width_factor(cost.freedom + 1, doubt) * (
+        cost.half_width_theta_rad - between
+    )
+    return found_rad + abs(cost.bias_theta_rad or 0.0) + between + more

@@ -120,9 +120,10 @@ def success_bound(
 
 
 def _box(run: BoundedRun) -> tuple[BiasRow, ...]:
-    """Return the sides of all steps' boxes."""
+    """Return the sides of all steps' boxes, but those of which nothing is known."""
     doubt = run.level.term_doubt
-    return tuple(row for told in run.measured for row in biases(told, doubt))
+    rows = (row for told in run.measured for row in biases(told, doubt))
+    return tuple(row for row in rows if math.isfinite(row.half_width_um))
 
 
 def _needed(
@@ -134,10 +135,13 @@ def _needed(
         return had
     if point < goal or had < 1:
         return None
+    doubt = run.level.rate_doubt
     for doubling in range(1, MOST_DOUBLINGS + 1):
         more = run.with_trials(2.0**doubling)
-        steps = math.prod(each.success_low for each in more.lows())
-        if steps - undetected_upper(more.looks, run.level.rate_doubt) >= goal:
+        wanted = goal + undetected_upper(more.looks, doubt)
+        if wanted > point:  # steps need not be looked at
+            continue
+        if math.prod(each.success_low for each in more.lows()) >= wanted:
             return had << doubling
     return None
 

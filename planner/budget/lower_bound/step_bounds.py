@@ -15,6 +15,7 @@ from microplan.planner.budget.lower_bound.bounded_history import (
     bias_rad,
     bias_um,
     bounded_history,
+    model_bias_um,
 )
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.budget.placement import (
@@ -28,12 +29,15 @@ from microplan.planner.budget.placement_budget import (
     placement_residual,
 )
 from microplan.planner.budget.probability.angle_budget import AngleError
+from microplan.planner.budget.probability.outline_fit import OutlineFit
 from microplan.planner.budget.step_budget import left_of
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import BiasRow
 
 DIRECTIONS = 8  # of a bias beside an offset that is there already
 TRIALS = "trials: its mean is known so well"
+PAIRS = "pairs of images: what errors of the images cost is known so well"
+IMAGES = "images of {}"
 APPROACH = "approach by {}"
 
 
@@ -66,7 +70,10 @@ class MeasuredStep:
     def angles(self) -> tuple[PastMeasurement | None, ...]:
         """Return the looks at both parts' angles, where these matter."""
         put = self.placement
-        return () if put is None else put.angles_seen
+        if put is not None:
+            return put.angles_seen
+        job = None if self.here.step.verb != "insert" else _job(self)
+        return () if job is None or job.angle is None else self.pair
 
     @property
     def is_measured(self) -> bool:
@@ -77,16 +84,21 @@ class MeasuredStep:
 def measured_terms(steps: Sequence[MeasuredStep]) -> int:
     """Return how many measured numbers the steps' bounds take an end of.
 
-    Of each look a variance and two biases, of each angle one of both.
+    Of each look a variance and two biases, of each angle one of both; as many of what
+    errors of its images cost.
     """
     places, angles = set(), set()
     for step in steps:
         for seen in (*step.pair, step.history.before):
             if seen is not None and seen.repeatability is not None:
-                places.add((seen.step, seen.name))
+                places.add((seen.step, seen.name, TRIALS))
+                if seen.model_cost is not None:
+                    places.add((seen.step, seen.name, PAIRS))
         for seen in step.angles:
             if seen is not None and seen.repeatability is not None:
-                angles.add((seen.step, seen.name))
+                angles.add((seen.step, seen.name, TRIALS))
+                if seen.model_cost is not None:
+                    angles.add((seen.step, seen.name, PAIRS))
     return 3 * len(places) + 2 * len(angles)
 
 
@@ -119,9 +131,9 @@ def _success(
     rows = list(biases(step, doubt)) if biased else []
     later = sum(row.half_width_um for row in rows if not _is_approach(row))
     first = sum(row.half_width_um for row in rows)
-    if not math.isfinite(first):
-        return 0.0
     turn = sum(bias_rad(seen, doubt) for seen in step.angles) if biased else 0.0
+    if not math.isfinite(first + turn):
+        return 0.0
     return (1 - worst_miss(job, later, first)) * _within(told, angle, turn)
 
 
@@ -154,21 +166,36 @@ def biases(step: MeasuredStep, doubt: float) -> Iterator[BiasRow]:
                 step=name, term=seen.term, half_width_um=bias_um(seen, doubt),
                 source=TRIALS,
             )  # fmt: skip
+            yield from _image_bias(name, "{}", seen, doubt)
     before = step.history.before
     if before is not None:
         yield BiasRow(
             step=name, term=APPROACH.format(before.name),
             half_width_um=bias_um(before, doubt), source=TRIALS,
         )  # fmt: skip
+        yield from _image_bias(name, APPROACH, before, doubt)
     yield from _lever_biases(step, doubt)
     yield from stated_biases(step)
+
+
+def _image_bias(
+    step: str, of: str, seen: PastMeasurement, doubt: float
+) -> Iterator[BiasRow]:
+    """Yield the bias by errors of a look's images, walls and finish among them."""
+    if seen.model_cost is not None:
+        yield BiasRow(
+            step=step,
+            term=of.format(IMAGES.format(seen.name)),
+            half_width_um=model_bias_um(seen, doubt),
+            source=PAIRS,
+        )
 
 
 def stated_biases(step: MeasuredStep) -> Iterator[BiasRow]:
     """Yield biases that are not of trials: what has an interval and no distribution.
 
-    Coherence moves the edges of both looks together: their sum. Walls and finish of
-    bodies and the camera's response are rows like this one where they have a number.
+    Coherence moves the edges of both looks together: their sum. The camera's response
+    is a row like this one where it has a number.
     """
     moved_um = sum(seen.coherence_um for seen in step.pair if seen is not None)
     if moved_um > 0:
@@ -180,22 +207,34 @@ def stated_biases(step: MeasuredStep) -> Iterator[BiasRow]:
 
 def _lever_biases(step: MeasuredStep, doubt: float) -> Iterator[BiasRow]:
     """Yield the displacements by biases of angles at the ends of levers."""
-    put = step.placement
-    if put is None or put.align is None:
-        return
-    points = (put.verify.target, put.verify.on)
-    pairs = zip((put.part, put.seat), put.seen, put.angles_seen, points, strict=True)
-    for owner, seen, angle, point in pairs:
-        if seen is None or angle is None:
-            continue
-        arm_um = math.hypot(*lever_um(put, owner, seen.name, point or ""))
+    for angle, arm_um in _levers(step):
         if arm_um > 0:
             yield BiasRow(
                 step=step.here.step.id,
-                term=f"angle of {seen.name} over {arm_um:.4g} um",
+                term=f"angle of {angle.name} over {arm_um:.4g} um",
                 half_width_um=arm_um * bias_rad(angle, doubt),
                 source=TRIALS,
             )
+
+
+def _levers(step: MeasuredStep) -> Iterator[tuple[PastMeasurement, float]]:
+    """Yield the looks at both parts' angles with their levers, um.
+
+    Of a shaft that goes in at some angles it reaches to its farthest point.
+    """
+    put = step.placement
+    if put is None:
+        job = _job(step)
+        arm_um = 0.0 if job is None else job.reach_um + math.hypot(*job.lever_um)
+        yield from ((seen, arm_um) for seen in step.angles if seen is not None)
+    elif put.align is not None:
+        points = (put.verify.target or "", put.verify.on or "")
+        looks = zip(put.seen, put.angles_seen, strict=True)
+        for owner, point, (seen, angle) in zip(
+            (put.part, put.seat), points, looks, strict=True
+        ):
+            if seen is not None and angle is not None:
+                yield angle, math.hypot(*lever_um(put, owner, seen.name, point))
 
 
 def _is_approach(row: BiasRow) -> bool:
@@ -227,7 +266,7 @@ def _worst(job: Insertion, bias_um: float) -> float:
     """Return the largest probability of a miss over a disc of biases."""
     if bias_um <= 0:
         return job.miss
-    if job.offset_um == 0:
+    if job.offset_um == 0 or isinstance(job.fit, OutlineFit):
         return max(job.miss, job.missed_with(bias_um))
     ways = [job.offset_rad + 2 * math.pi * k / DIRECTIONS for k in range(DIRECTIONS)]
     return max(job.miss, *(_moved(job, bias_um, way).miss for way in ways))

@@ -37,6 +37,7 @@ from microplan.planner.budget.probability.region_pieces import (
 # Between two rules a panel may differ by this share of the rarer outcome, or this much.
 CLOSE, NEGLIGIBLE = 1e-3, 1e-9
 FINEST = 2.0**-30  # of the circle: no panel is shorter
+EXACT = 16 * FINEST  # an angle known better has no error: panels see its density
 WIDEST_SIGMAS = 3.0  # of a panel: nine nodes see an angle's density over that
 LEAST_ROOM = 1e-3  # of the hole's size: pieces shorter than that may be missed
 RARE = 1e-7  # share of angles of which one slice is enough
@@ -96,7 +97,7 @@ class _Integral:
     def outcomes(self) -> tuple[float, float, float]:
         """Return P(as planned), P(otherwise) and P(not)."""
         freely = self.slices.fit.turns_freely
-        if freely or self.error.angle.sigma_rad <= 0:
+        if freely or self.error.angle.sigma_rad <= EXACT:
             turns = np.array([0.0 if freely else self.error.middle_rad])
             self._record(turns, np.ones(1), *self._at(turns)[1:])
         else:

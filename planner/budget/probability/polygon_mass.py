@@ -25,6 +25,9 @@ from microplan.planner.budget.probability.radial_law import RadialLaw, radial_la
 PANEL_SCALES = 1.5  # length of a piece of an edge
 # Gauss nodes of a piece, by its length over the scale on which the error changes.
 SHORT, FEW, MANY = 0.3, 2, 5
+# Scales of the law: an edge through its middle, or nearly so, is taken as so far off;
+# where the middle is along it is rounded to 1e-16.
+TOUCH_SCALES = 1e-8
 ON_EDGE = 1e-6  # turns by which a sum of angles differs from a whole one
 # Narrow principal sigmas below this share of the wide one are taken as that: the mass
 # then differs by what lies within so much of the boundary.
@@ -139,9 +142,10 @@ def _tails(
     length = np.hypot(*step.T)
     along = step / np.maximum(length, 1e-300)[:, None]
     off = starts[:, 0] * along[:, 1] - starts[:, 1] * along[:, 0]
+    touch = TOUCH_SCALES * law.scale_um
+    off = np.where(np.abs(off) < touch, touch, off)  # on one side for all below
     low = (starts * along).sum(axis=1)
-    cross = starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0]
-    turns = np.arctan2(cross, (starts * ends).sum(axis=1)) / math.tau
+    turns = np.arctan2(off * length, (starts * ends).sum(axis=1)) / math.tau
     half = np.sqrt(np.maximum((law.reach_um - off) * (law.reach_um + off), 0.0))
     first, last = np.clip(low, -half, half), np.clip(low + length, -half, half)
     tail = np.zeros(len(starts))

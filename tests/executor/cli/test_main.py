@@ -13,6 +13,9 @@ from typing import Any
 import pytest
 
 from microplan.executor.cli.main import main
+from microplan.executor.cli.select_station import find_site
+from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
+from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.schemas.plan import dump_plan, parse_plan
 from tests.executor.kept import PLAN, SAID
 
@@ -194,7 +197,7 @@ def test_an_infeasible_plan_is_refused(
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('"format_version": "2.4"', '"format_version": "3.0"'),
+        ('"format_version": "2.5"', '"format_version": "3.0"'),
         ('"steps": [', '"steps": ['[:-1]),
         ('"kind": "grasp"', '"kind": "grip"'),
         ('"opening_um": 96.0', '"opening_um": NaN'),
@@ -245,6 +248,20 @@ def test_a_wrong_call_is_two_and_help_is_zero(built: Path) -> None:
     assert main([str(built), "--station", "sim", "--seed", "-1"]) == 2
     assert main(["--help"]) == 0
     assert main(["--version"]) == 0
+
+
+def test_a_camera_is_the_simulated_cells(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = str(tmp_path / "station.toml")
+    assert main([str(built), "--station", station, "--camera", "solid"]) == 2
+    assert "error[MP804]: --seed, --inject and --camera are" in capsys.readouterr().err
+    assert main([str(built), "--station", "sim", "--camera", "none"]) == 2
+    solid, quick = find_site("sim", built, camera="solid"), find_site("sim", built)
+    assert solid.cell is not None
+    assert quick.cell is not None
+    assert isinstance(solid.cell.camera.pictures, SolidPictures)
+    assert isinstance(quick.cell.camera.pictures, QuickPictures)
 
 
 def test_a_finding_names_the_file_that_is_at_fault(

@@ -215,6 +215,7 @@ def clear(_: Path, folder: Path) -> None:
     [
         (nothing, ["--seed", "9"], "MP866"),
         (nothing, ["--inject", "block"], "MP866"),
+        (nothing, ["--camera", "solid"], "MP866"),
         (change_plan, [], "MP866"),
         (change_world, [], "MP866"),
         (damage, [], "MP867"),

@@ -121,7 +121,16 @@ def test_the_plans_choices_follow_from_its_scores(
     plan = p.parse_plan(GOLDEN.read_text(encoding="utf-8"))
     looks = {look.id: look for step in plan.steps for look in step.looks}
     assert len(choices) == 8
+    # what better images spoil is judged by other numbers than these scores
+    spoilt = {
+        name
+        for name, look in looks.items()
+        if any("errors of images" in score.reason for score in look.evidence.others)
+    }
+    assert len(spoilt) < 3
     for name, choice in choices.items():
+        if name in spoilt:
+            continue
         found = select(
             choice.scores,
             Constraints(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.assembly.world import build_world
 from microplan.planner.source.diagnostics import Report
@@ -30,7 +31,10 @@ def task() -> Task:
 def test_the_cell_has_the_lamp_of_the_plan(
     task: Task, coherence: float, kind: str
 ) -> None:
-    optics = replace(task.workcell.optics, coherence=coherence)
+    optics = replace(
+        task.workcell.optics,
+        coherence=Coherence(least=coherence, most=coherence) if coherence else None,
+    )
     light = replace(task.workcell.light, kind=kind)
     cell = replace(task.workcell, optics=optics, light=light)
     other = replace(task, workcell=cell)

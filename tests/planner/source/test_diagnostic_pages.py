@@ -135,6 +135,7 @@ def _grasp_and_release(folder: Path) -> None:
 # what a page says the example is cut down to, so that its call takes seconds
 PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP501": _see_post,
+    "MP503": _see_post,
     "MP602": _grasp_and_release,
     "MP616": _see_post,
 }

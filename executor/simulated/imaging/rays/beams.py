@@ -42,7 +42,7 @@ class Beams:
     hidden: dict[int, Reals32] = field(default_factory=dict)  # share by body, (N,)
 
     def pick(self, which: npt.NDArray[np.intp]) -> Beams:
-        """Return some of the beams."""
+        """Return some of the beams, by (M,) numbers without unit."""
         hidden = {body: share.take(which) for body, share in self.hidden.items()}
         return Beams(self.rays.pick(which), self.width.take(which), hidden)
 

@@ -26,7 +26,7 @@ class PointLattice:
     spacing_um: float
 
     def points(self) -> tuple[FloatArray, FloatArray]:
-        """Return all points, row by row, (rows * columns,) um each."""
+        """Return x and y of all points, um, row by row, (N,) each."""
         x, y = np.meshgrid(self.x_um, self.y_um)
         return x.ravel(), y.ravel()
 
@@ -111,7 +111,7 @@ def lattice_over(box: Box, spacing_um: float) -> PointLattice:
 
 
 def widened(mask: BoolArray) -> BoolArray:
-    """Return a mask with the eight neighbours of each point."""
+    """Return a (rows, columns) bool mask with the eight neighbours of each point."""
     rows, columns = mask.shape
     padded, wide = np.pad(mask, 1), mask.copy()
     for i in range(3):

@@ -40,7 +40,7 @@ class RayFan:
         return len(self.x)
 
     def pick(self, which: BoolArray | IntArray | slice) -> RayFan:
-        """Return some of the rays."""
+        """Return some of the rays, by (M,) numbers or (N,) bool."""
         return RayFan(
             self.x[which], self.y[which], self.slope_x[which], self.slope_y[which],
             self.weight[which], self.owner[which], self.bounced[which],

@@ -15,7 +15,7 @@ GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 def pupil_slopes(
     view: ImagingView, count: int, *, turn_rad: float = 0.0, share: float = 1.0
 ) -> FloatArray:
-    """Return slopes of rays that carry the same light, (count, 2).
+    """Return slopes of rays that carry the same light, (N, 2) um per um.
 
     A pupil that keeps the sine condition passes light evenly over the sines; so does a
     face that scatters. The points are a spiral of sunflower seeds.

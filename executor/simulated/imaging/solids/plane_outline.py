@@ -55,7 +55,7 @@ def read_outline(shape: WorldOutline) -> PlaneOutline:
 
 
 def parity_grid(outline: PlaneOutline, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Return whether each point, um, of a grid is inside, (len(y), len(x)) bool.
+    """Return whether each point, um, of a grid is inside, (rows, columns) bool.
 
     By the crossings of every row: each ring's polygon edge that spans a row changes
     inside and outside to its right.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.localisation.polarity import judge
+from benchmarks.localisation.polarity import judge, judge_lit
 from benchmarks.selection.random_parts import polygon
 from microplan.featuresel.features.contour import with_contour
 from microplan.featuresel.look.nominal import nominal_render
@@ -29,6 +29,13 @@ def test_the_exact_reference_agrees_on_every_kept_edge_of_random_parts(
     found = [judge(seed) for seed in seeds]
     assert sum(one.wrong for one in found) == 0
     assert sum(one.kept for one in found) > 0.3 * sum(one.points for one in found)
+
+
+@pytest.mark.parametrize("kind", ["transmitted", "ring", "line"])
+def test_rays_agree_on_every_kept_edge_in_other_light(kind: str) -> None:
+    found = judge_lit(kind, 0)
+    assert found.wrong == 0
+    assert found.kept > 0.3 * found.points
 
 
 def test_an_isolated_edge_in_focus_has_the_step_of_its_reflectances(look: Look) -> None:

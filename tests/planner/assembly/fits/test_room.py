@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+import shapely
 
 from benchmarks.compiling.outline_shapes import (
     box,
@@ -14,9 +15,10 @@ from benchmarks.compiling.outline_shapes import (
     hollow,
     keyed,
     slot,
+    star,
 )
 from microplan.optics.outline.outline import Arc, Outline
-from microplan.planner.assembly.fits.peg_in_hole import PegInHole
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole, ring_points
 from microplan.planner.assembly.fits.room import (
     angle_elsewhere_rad,
     capture_um,
@@ -79,6 +81,50 @@ def test_a_bar_turns_until_its_corners_touch() -> None:
     turn = math.asin(12 / math.hypot(30, 10)) - math.atan2(10, 30)
     assert (back, forth) == pytest.approx((-turn, turn), rel=0.02)
     assert clearance_um(found) == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_curve_of_thousands_of_corners_is_taken_as_its_chords() -> None:
+    turns = [math.tau * k / 3000 for k in range(3000)]
+    radii = [50 + 5 * math.cos(5 * turn) for turn in turns]
+    hole, peg = star(radii), star([radius - 2 for radius in radii])
+    found = fit(hole, peg)
+    for outline in (found.hole, found.peg):
+        ring = outline.rings[0]
+        points = ring_points(ring, found.chord_um)
+        assert len(points) < 400  # chords of a circle of 50 um: 160
+        drawn = shapely.Polygon([edge.start for edge in ring.edges])
+        far = shapely.hausdorff_distance(drawn.boundary, shapely.LinearRing(points))
+        assert far <= found.chord_um
+    # 2 um along the radius are less across a slope, 25 um over 50 um at most
+    least = 2 * math.cos(math.atan(0.5)) - 2 * found.chord_um
+    assert least < capture_um(found) < 2
+
+
+@pytest.mark.parametrize("loose", [1.1, 1.15])
+def test_a_loose_hexagon_stops_before_the_next_side(loose: float) -> None:
+    found = fit(star([20.0 * loose] * 6), star([20.0] * 6))
+    # corners reach the sides where cos(30 deg - t) is their distance over the radius
+    turn = math.radians(30) - math.acos(loose * math.cos(math.radians(30)))
+    assert free_angles_rad(found) == pytest.approx((-turn, turn), rel=2e-3)
+
+
+def test_what_bridges_two_arms_is_deepest_between_them() -> None:
+    fork = closed(
+        [
+            (-10, -10),
+            (10, -10),
+            (10, 10),
+            (2, 10),
+            (2, -5),
+            (-2, -5),
+            (-2, 10),
+            (-10, 10),
+        ]
+    )
+    overlap = overlap_of(fit(fork, box(8, 2)))
+    assert overlap is not None
+    assert overlap.depth_um == pytest.approx(2.0)  # 4 um of wall, from either side
+    assert overlap.at_um[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_key_is_found_where_its_keyway_is() -> None:

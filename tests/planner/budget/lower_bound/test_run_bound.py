@@ -5,21 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.compiling.keyed import write_task
+from benchmarks.compiling.outline_shapes import d_shape
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.budget import EMPTY_BUDGET
+from microplan.planner.budget.lower_bound.bounded_history import bounded
 from microplan.planner.budget.lower_bound.run_bound import BoundedRun, success_bound
 from microplan.planner.budget.lower_bound.step_bounds import (
     MeasuredStep,
+    biases,
+    measured_terms,
     success_share,
 )
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
+from microplan.planner.views.fit_angles import unfold_with_angles
 from microplan.schemas.plan import Repeatability, Step, parse_plan
 from tests.planner.examples import EXAMPLE, ROOT, read
 from tests.planner.placed import look, memory
@@ -50,11 +57,19 @@ def known(
     )  # fmt: skip
 
 
-def insert(sigma_um: float, found: Repeatability) -> MeasuredStep:
+def insert(
+    sigma_um: float,
+    found: Repeatability,
+    made: tuple[Task, tuple[StepState, ...]] | None = None,
+    turn_rad: float | None = None,
+) -> MeasuredStep:
     """Return the gear's insertion by looks of one accuracy."""
-    task, states = gear()
+    task, states = made or gear()
     seen = {
-        owner: replace(look(f"{owner}.x", step, sigma_um), repeatability=found)
+        owner: replace(
+            look(f"{owner}.x", step, sigma_um, sigma_theta_rad=turn_rad),
+            repeatability=found,
+        )
         for owner, step in (("gear", "gear_in_fingers"), ("shaft_plate", "over_shaft"))
     }
     history = MeasurementHistory(
@@ -162,6 +177,16 @@ def test_biases_add_up_and_a_plan_of_old_trials_is_taken_as_stated() -> None:
     assert success_share(old, 0.01) == 1.0
 
 
+@pytest.mark.parametrize("answered", [0, 1])
+def test_a_look_that_hardly_answers_shows_nothing(answered: int) -> None:
+    none = replace(known(), answered=answered, sigma_um=(0.0, 0.0))
+    bound = success_bound(run(insert(0.0, none)), None)
+    assert bound.success_low == 0
+    assert bound.biases == ()  # a plan holds no infinite number
+    turned = look("part", "see", 0.0, sigma_theta_rad=0.0)
+    assert bounded(replace(turned, repeatability=none), 0.01).sigma_theta_rad == 0
+
+
 def test_coherence_is_a_bias_of_both_looks_together() -> None:
     step = insert(0.1, known())
     seen = {k: replace(v, coherence_um=0.2) for k, v in step.history.seen.items()}
@@ -169,6 +194,26 @@ def test_coherence_is_a_bias_of_both_looks_together() -> None:
     rows = success_bound(run(moved), None).biases
     assert [r.half_width_um for r in rows if r.term == "partial coherence"] == [0.4]
     assert success_share(moved, 0.01) < success_share(step, 0.01)
+
+
+def test_an_insertion_of_outlines_has_the_ends_of_its_angles_too(
+    tmp_path: Path,
+) -> None:
+    bore, post = d_shape(25.0, 16.0), d_shape(21.0, 13.0)
+    keyed = unfold_with_angles(
+        read(write_task(tmp_path / "task", bore, post)), Report()
+    )
+    found = replace(known(), bias_theta_rad=0.003, half_width_theta_rad=0.001)
+    step = insert(0.1, found, keyed, turn_rad=0.01)
+    assert measured_terms([step]) == 3 * 3 + 2 * 2
+    assert measured_terms([insert(0.1, found)]) == 3 * 3  # a circle has no angle
+    rows = [row for row in biases(step, 0.05) if row.term.startswith("angle of")]
+    # no point of the post is farther than its radius of 21 um, and the corners at the
+    # flat are as far
+    assert [row.half_width_um for row in rows] == pytest.approx(
+        [21 * 0.004] * 2, rel=0.01
+    )
+    assert [*biases(insert(0.1, found), 0.05)][3:] == []
 
 
 def test_a_placement_has_the_ends_of_its_angles_too() -> None:

@@ -9,18 +9,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import ncx2
+from scipy.stats import ncx2, norm
 
+from benchmarks.compiling.outline_shapes import box, hollow
+from microplan.planner.assembly.fits.peg_in_hole import PegInHole
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.lower_bound.bounded_history import (
     bias_rad,
     bias_um,
     bounded,
+    model_bias_um,
 )
 from microplan.planner.budget.lower_bound.sample_bounds import sigma_factor
 from microplan.planner.budget.lower_bound.step_bounds import worst_miss
 from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
-from microplan.schemas.plan import BudgetRow, Repeatability
+from microplan.planner.budget.probability.outline_fit import OutlineFit
+from microplan.schemas.plan import BudgetRow, ModelCost, Repeatability
 from tests.planner.placed import look
 
 CAPTURE_UM = 3.0
@@ -87,6 +91,21 @@ def test_alignments_that_end_at_once_have_the_bias_of_their_approach() -> None:
     assert worst_miss(job, 0.2, 0.8) == pytest.approx(expected)
 
 
+def test_a_bias_of_outlines_counts_in_the_direction_that_has_least_room() -> None:
+    shape = PegInHole(hole=hollow(box(40.0, 11.0)), peg=box(30.0, 10.0))
+    job = replace(
+        insertion(0.3),
+        fit=OutlineFit(shape=shape, hole_tolerance_um=0.0, shaft_tolerance_um=0.0),
+        hole_rad=0.2,
+    )
+    # the walls are 1 um away in y of the hole, and 10 um in x; less room on both
+    # sides of y is as bad as the worst direction or worse
+    across = norm.sf((1 - 0.8) / 0.3)
+    assert across <= worst_miss(job, 0.8, 0.0) <= 2 * across + CLOSE
+    beside = replace(job, offset_um=0.15, offset_rad=0.2 + math.pi / 2)
+    assert worst_miss(beside, 0.8, 0.0) >= norm.sf((1 - 0.8 - 0.15) / 0.3)
+
+
 @settings(max_examples=40)
 @given(
     sigma_um=st.floats(0.05, 3),
@@ -124,3 +143,29 @@ def test_only_what_was_measured_has_an_end() -> None:
     assert end.sigma_theta_rad == pytest.approx(0.01 * sigma_factor(60, 3.0, 0.01))
     assert bias_um(known, 0.05) == pytest.approx(0.005)
     assert bias_rad(known, 0.05) == pytest.approx(0.003)
+
+
+def test_what_images_cost_has_ends_of_its_own() -> None:
+    """Of its own pairs: 12, and 6 degrees of freedom of the mean, as tables have t."""
+    cost = ModelCost(
+        pairs=12, freedom=6, bias_um=(0.1, 0.2), half_width_um=(0.05, 0.0),
+        interval_um=(0.02, 0.0), sigma_um=(0.02, 0.01), bias_theta_rad=-1e-3,
+        half_width_theta_rad=3e-3, interval_theta_rad=1e-3, sigma_theta_rad=4e-3,
+    )  # fmt: skip
+    seen = replace(
+        look("part", "see", math.hypot(0.03, 0.02), sigma_theta_rad=5e-3),
+        repeatability=KNOWN, model_cost=cost,
+    )  # fmt: skip
+    end = bounded(seen, 0.01)
+    trials, pairs = sigma_factor(60, 4.0, 0.01), sigma_factor(12, 3.0, 0.01)
+    assert pairs > trials
+    assert end.sigma_um == pytest.approx(math.hypot(0.03 * trials, 0.02 * pairs))
+    turn = math.hypot(3e-3 * sigma_factor(60, 3.0, 0.01), 4e-3 * pairs)
+    assert end.sigma_theta_rad == pytest.approx(turn)
+    # the interval is no wider at a smaller doubt; the rest by t of 6: 3.707 over 2.447
+    assert model_bias_um(seen, 0.05) == pytest.approx(0.05)
+    expected = 0.02 + 0.03 * 3.70743 / 2.44691
+    assert model_bias_um(seen, 0.01) == pytest.approx(expected, rel=1e-5)
+    assert bias_um(seen, 0.05) == pytest.approx(0.005)  # that of the trials stays
+    assert bias_rad(seen, 0.05) == pytest.approx(0.003 + 1e-3 + 3e-3)
+    assert model_bias_um(None, 0.05) == model_bias_um(look("a", "b", 1.0), 0.05) == 0

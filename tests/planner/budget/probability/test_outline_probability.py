@@ -103,6 +103,14 @@ def test_what_always_fits_does_and_what_never_does_not() -> None:
     assert (found.seated, found.elsewhere, found.miss) == (0.0, 0.0, 1.0)
 
 
+@pytest.mark.parametrize("turn", [1e-8, 1e-9, 1e-11])
+def test_an_angle_that_is_all_but_exact_is_as_good_as_exact(turn: float) -> None:
+    fit = fit_of(box(40, 11), box(30, 10))
+    exact = seating(fit, error_of(0.3)).miss
+    # 1e-8 rad at 32 um of 1 um: a miss changes by 3e-7 / .3**2 of itself
+    assert seating(fit, error_of(0.3, turn)).miss == pytest.approx(exact, rel=1e-5)
+
+
 def test_other_pieces_do_not_count_as_seated() -> None:
     found = seating(fit_of(box(11, 11), box(10, 10)), error_of(0.2, math.pi))
     # a square goes in at four angles

@@ -50,6 +50,19 @@ def test_a_box_is_a_product_of_two_intervals(
     assert hit[0] + miss[0] == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-15, -1e-15, 1e-10])
+@pytest.mark.parametrize(("x", "share"), [(0.0, 0.5), (10.0, 0.25)])
+@pytest.mark.parametrize("sigma_y", [0.3, 0.2])
+def test_half_is_inside_where_an_edge_goes_through_the_middle(
+    off: float, x: float, share: float, sigma_y: float
+) -> None:
+    rest = PlaneNormal(middle_um=(x, 1.0 + off), xx_um2=0.09, yy_um2=sigma_y**2)
+    error = PlaneError(residual=NONE, rest=rest)
+    hit, miss = masses(edges_of([shapely.box(-10, -1, 10, 1)]), error, NO_SHIFT)
+    # moved by 1e-8 sigma at most
+    assert (hit[0], miss[0]) == pytest.approx((share, 1 - share), abs=1e-7)
+
+
 def test_tails_of_an_ellipse_keep_their_digits() -> None:
     rest = PlaneNormal.along(0.3, None).plus(PlaneNormal.along(0.2, 1.0))
     _, miss = masses(

@@ -1,0 +1,81 @@
+"""Effects ledger of a look: how each is imaged, what leaving the rest out may cost."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from microplan.featuresel.look.scenario import scene
+from microplan.optics.layers.layer_error import (
+    TREATMENTS,
+    LayerChoice,
+    LayerRefusal,
+    layer_error,
+)
+from microplan.optics.ledger import Imaged, ledger
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.model_errors.charging import finish_row
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.task import Task
+from microplan.planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
+from microplan.planner.views.light.lit_layers import asks_for_walls
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape, target_pose
+from microplan.schemas import plan as p
+
+
+def effect_rows(
+    task: Task, request: Request, tried: Evaluation, memo: Memo = EVERY_TIME
+) -> tuple[p.EffectRow, ...]:
+    """Return the effects ledger of a look."""
+    case, shape = tried.case, needed_shape(task, request)
+    spot = target_pose(task, request, shape)
+    rows = memo.call(
+        ledger,
+        _imaged(task, tried, memo),
+        lens_rows(task, request.state, shape, spot, case.microscope),
+        shift_limit_nm=NM_PER_UM * case.tolerance_um,
+    )
+    found = tuple(p.EffectRow(**asdict(row)) for row in rows)
+    return (*found, finish_row(tried.fidelity.limit))
+
+
+def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
+    """Return the nominal image of a look, and how it is computed."""
+    case, limit = tried.case, tried.fidelity.limit
+    shown = lens_scene(
+        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
+    )
+    errors = {
+        treatment: memo.call(
+            layer_error,
+            shown,
+            case.microscope,
+            focus_um=case.focus_um,
+            treatment=treatment,
+            window=case.window,
+        )
+        for treatment in TREATMENTS
+    }
+    layering = LayerChoice(
+        treatment=case.treatment,
+        predicted_error=errors[case.treatment],
+        limit=limit,
+        refused=tuple(
+            LayerRefusal(treatment=name, predicted_error=error)
+            for name, error in errors.items()
+            if name != case.treatment and errors[case.treatment] > limit
+        ),
+    )
+    return Imaged(
+        scene=shown,
+        microscope=case.microscope,
+        focus_um=case.focus_um,
+        window=case.window,
+        fidelity=tried.fidelity,
+        layering=layering,
+        coherence=task.workcell.optics.coherence,
+        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
+        is_shaded=case.lamp_aperture is not None,
+        light=task.workcell.light.kind if asks_for_walls(task.workcell) else "",
+    )

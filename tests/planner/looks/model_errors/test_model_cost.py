@@ -1,0 +1,131 @@
+"""Half-widths of costs by draws, and costs of several effects and features."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from microplan.planner.looks.model_errors.better_models import BetterModel
+from microplan.planner.looks.model_errors.model_cost import (
+    AnswerShift,
+    EffectDifference,
+    difference,
+    model_cost,
+    of_either,
+    together_cost,
+)
+from microplan.planner.looks.model_errors.used_poses import LEAST
+from microplan.schemas.plan import ModelCost
+
+ONE = ModelCost(
+    pairs=12, freedom=6, bias_um=(0.1, -0.2), half_width_um=(0.05, 0.02),
+    interval_um=(0.01, 0.0), sigma_um=(0.03, 0.04), bias_theta_rad=1e-3,
+    half_width_theta_rad=2e-3, interval_theta_rad=0.0, sigma_theta_rad=3e-3,
+)  # fmt: skip
+
+
+def poses(values: np.ndarray) -> dict[int, np.ndarray]:
+    return dict(enumerate(values))
+
+
+def mirrored(rng: np.random.Generator, count: int = LEAST) -> np.ndarray:
+    half = rng.normal(0, 1, (count // 2, 2))
+    return np.stack([half, -half], axis=1).reshape(count, 2)
+
+
+@pytest.mark.parametrize("ends", [1, 2])
+def test_the_half_width_holds_the_mean_as_often_as_it_says(ends: int) -> None:
+    """Of noise beside an error that changes its sign with the displacement."""
+    rng, runs, held = np.random.default_rng(11), 400, 0
+    for _ in range(runs):
+        values, at = [], []
+        for mean in (0.7, -0.2)[:ends]:
+            where = mirrored(rng, LEAST // ends)
+            noise = rng.normal(0, 0.3, (len(where), 1))
+            values.append(poses(mean + 2 * where[:, :1] + noise))
+            at.append(poses(where))
+        found = difference(values, at, is_apart=ends > 1)
+        truth = np.mean((0.7, -0.2)[:ends])
+        held += bool(abs(found.mean[0] - truth) <= found.half_width[0])
+    # 95 % of one end; of two an interval's half besides, so never less
+    least = 0.95 - 4 * math.sqrt(0.95 * 0.05 / runs)
+    assert held / runs >= least
+    assert ends > 1 or held / runs <= 0.95 + 4 * math.sqrt(0.95 * 0.05 / runs)
+
+
+def test_an_error_that_changes_its_sign_has_a_spread_and_no_bias() -> None:
+    """A wall's: 0 where all is concentric, .4 um at 1.45 um."""
+    where = mirrored(np.random.default_rng(2))
+    values = 0.4 / 1.45 * where
+    found = difference([poses(values)], [poses(where)], is_apart=False)
+    assert np.abs(found.mean).max() < 1e-12
+    assert found.half_width.max() < 1e-12
+    np.testing.assert_allclose(found.sigma, values.std(axis=0, ddof=1))
+
+
+def test_without_any_displacement_the_half_width_is_student_s() -> None:
+    values = np.random.default_rng(3).normal(0, 1, (LEAST, 1))
+    still = poses(np.zeros((LEAST, 2)))
+    found = difference([poses(values)], [still], is_apart=False)
+    assert found.freedom == LEAST - 1
+    expected = 2.200985 * values.std(ddof=1) / math.sqrt(LEAST)  # t of 11, a table's
+    assert found.half_width[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_an_end_of_too_few_poses_is_refused() -> None:
+    few = poses(np.zeros((LEAST // 2 - 1, 2)))
+    with pytest.raises(ValueError, match="6 poses at least"):
+        difference([few], [few], is_apart=False)
+
+
+def effect(mean: float, sigma: float) -> EffectDifference:
+    pair = np.array([mean, -mean])
+    flat = np.abs(pair)
+    place = AnswerShift(
+        pairs=12, freedom=9, mean=pair, half_width=flat / 2, interval=flat / 4,
+        sigma=np.array([sigma, sigma]),
+    )  # fmt: skip
+    return EffectDifference(
+        model=BetterModel(effects=("x",), by="x", ends=()), place=place, turn=None,
+        image_error=0.0,
+    )  # fmt: skip
+
+
+def test_effects_add_up_linearly() -> None:
+    """They are of the same poses: no root of squares."""
+    found = model_cost([effect(0.2, 0.03), effect(0.1, 0.04)])
+    assert found is not None
+    assert found.bias_um == pytest.approx((0.3, -0.3))
+    assert found.half_width_um == pytest.approx((0.15, 0.15))
+    assert found.sigma_um == pytest.approx((0.07, 0.07))
+    assert found.bias_theta_rad is None
+    assert model_cost([]) is None
+
+
+def test_a_fallback_s_wider_half_width_counts_and_its_bias_does_not() -> None:
+    other = replace(ONE, bias_um=(9.0, 9.0), half_width_um=(0.01, 0.3))
+    found = of_either(ONE, other)
+    assert found is not None
+    assert (found.bias_um, found.half_width_um) == (ONE.bias_um, (0.05, 0.3))
+    assert of_either(ONE, None) == ONE
+    assert of_either(None, ONE) is None
+
+
+def test_a_set_errs_by_no_more_than_its_worst_feature() -> None:
+    """Any weights of two features' errors, drawn within their half-widths."""
+    other = replace(ONE, half_width_um=(0.01, 0.09))
+    found = together_cost([ONE, other], 50.0)
+    assert found is not None
+    rng = np.random.default_rng(4)
+    errors = rng.uniform(-1, 1, (1000, 2, 2))
+    errors *= np.array([ONE.half_width_um, other.half_width_um])
+    share = rng.uniform(0, 1, (1000, 1))
+    place = share * errors[:, 0] + (1 - share) * errors[:, 1]
+    assert np.abs(place).max() <= found.half_width_um[0] == 0.09
+    turn = np.abs(errors[:, 0] - errors[:, 1]).max() / 50.0
+    assert found.half_width_theta_rad is not None
+    assert turn <= found.half_width_theta_rad
+    assert together_cost([None], 1.0) is None
