@@ -30,7 +30,7 @@ from tests.optics.light.sharp_rays import (
 
 KINDS = ("transmitted", "ring", "line")
 POINTS = 24  # kept edges of a part that are judged
-_THICK_UM, _FLOOR_UM = 5.0, -90.0  # slots of 1 um are no deeper than that
+_THICK_UM, _FLOOR_UM = 20.0, -90.0
 _LAMP, _FIELD = 0.3, 0.9
 _RING = RingLamp(low_rad=math.radians(20), high_rad=math.radians(45))
 _FINISH, _ROUND_UM, _FINE_UM = 0.6, 2.0, 0.3

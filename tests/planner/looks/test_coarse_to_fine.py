@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,10 @@ from microplan.planner.plan.options import Options
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_folder
 from microplan.planner.store.summary import plan_summary
+from microplan.planner.task.presets import PRESETS
 from microplan.schemas.plan import Look, Plan, parse_plan
 from microplan.schemas.plan.views import ViewChange
-from tests.planner.examples import ONE_LOOK, change, copy_example, cut, read
+from tests.planner.examples import FEW, ONE_LOOK, change, copy_example, cut, read
 
 SEEDS = range(8)
 SIGMA_UM = 30.0  # of the gear's place
@@ -38,7 +40,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change(file, "sigma_xy_um: 10,", "sigma_xy_um: 2,")
     change(file, "theta: any, sigma_xy_um: 30", f"sigma_xy_um: {SIGMA_UM}")
     report = Report()
-    files = compile_task(read(file), report, Options(preset="fast"))
+    less = replace(FEW, random_trials=PRESETS["fast"].random_trials)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("microplan.planner.plan.compiler.PRESETS", {"fast": less})
+        files = compile_task(read(file), report, Options(preset="fast"))
     assert files is not None
     write_folder(plan_bytes(files), where / "plan")
     (note,) = (d for d in report.found if d.code == "MP405")
