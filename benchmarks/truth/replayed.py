@@ -69,14 +69,16 @@ def replayed_looks(
             for seed in range(pictures)
         ]
         good = [error for error in errors if error is not None]
-        known = look.measure.repeatability
+        known = (look.measure.repeatability, look.measure.model_cost)
+        halves = [each.half_width_um for each in known if each is not None]
+        x, y = np.sum([(0.0, 0.0), *halves], axis=0)  # of one sign, at the worst
         found.append(
             ReplayedLook(
                 id=name,
                 errors_um=np.array(good).reshape(-1, 2),
                 failed=len(errors) - len(good),
                 sigma_um=look.sigma_xy_um,
-                half_width_um=(0.0, 0.0) if known is None else known.half_width_um,
+                half_width_um=(float(x), float(y)),
             )
         )
     return found
