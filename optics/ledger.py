@@ -19,6 +19,7 @@ from microplan.optics.coherence.unmodelled import (
 )
 from microplan.optics.layers.layer_error import LayerChoice
 from microplan.optics.layers.shading import SHADED_ERROR, shade_error
+from microplan.optics.layers.solids.solid_bodies import is_solid
 from microplan.optics.lens.lens_budget import LensRow
 from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -32,6 +33,10 @@ _NM_PER_UM = 1000.0
 _LEVELS = {
     "blend": "coverage, back to front",
     "occluded": "hidden and shaded ray by ray",
+}
+_SIDES = {
+    False: "bodies are flat faces; nobody predicts what their sides send back",
+    True: "walls stand upright and mirror as stated; nobody predicts rough ones",
 }
 
 
@@ -100,7 +105,7 @@ def ledger(
             "not modelled",
             None,
             imaged.fidelity.limit,
-            "bodies are flat faces; nobody predicts what their sides send back",
+            _SIDES[is_solid(imaged.scene.layers)],
         ),
     )
 

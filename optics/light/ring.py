@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -74,11 +74,16 @@ def render_ring(
     mean coverage of what is higher.
     """
     frame = window or full(microscope)
-    args = {
-        "focus_um": focus_um, "model": model, "window": frame, "shift_um": shift_um,
-        "sampling": sampling,
-    }  # fmt: skip
-    everything = (*also, *cover(scene.layers, microscope, **args))  # type: ignore[arg-type]  # by name
+    covered = partial(
+        cover,
+        microscope=microscope,
+        focus_um=focus_um,
+        model=model,
+        window=frame,
+        shift_um=shift_um,
+        sampling=sampling,
+    )
+    everything = (*also, *covered(scene.layers))
     view = ShadedView(
         microscope=microscope,
         focus_um=focus_um,
@@ -103,7 +108,7 @@ def render_ring(
     ):
         if change is not None:
             image += change
-    image += _lines(everything, faces, microscope, line, args)
+    image += _lines(everything, faces, line, covered)
     light_up(image, microscope, frame, light or Illumination())
     return image
 
@@ -130,9 +135,8 @@ def _lit(
 def _lines(
     everything: Sequence[Covered],
     faces: Mapping[float, ShadedFace],
-    microscope: Microscope,
     line: float,
-    args: Mapping[str, object],
+    covered: Callable[[Sequence[Layer]], tuple[Covered, ...]],
 ) -> FloatArray:
     """Return the light of all lines at the pixels, (rows, columns)."""
     total = np.zeros(everything[0].coverage.shape) if everything else np.zeros((1, 1))
@@ -141,7 +145,7 @@ def _lines(
         band = line_layer(layer, line)
         if band is None or layer.edge_line is None or not each.coverage.any():
             continue
-        (seen,) = cover([band], microscope, **args)  # type: ignore[arg-type]  # by name
+        (seen,) = covered([band])
         light = layer.edge_line.level * seen.coverage
         if layer.z_um in faces:
             light = light * faces[layer.z_um].seen

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from microplan.planner.report.folder import ReportedPlan
-from microplan.planner.store.summary import CONTRAST
 from microplan.schemas.page.elements import Element, Node, el
 from microplan.schemas.page.figures import degrees, number, um
 from microplan.schemas.page.page import Column, Row, table
 from microplan.schemas.plan import Look, Plan, Score, Step
+
+# that of `microplan.optics.ledger`, without loading scipy for it
+CONTRAST = "unit contrast"
 
 
 def methods(folder: ReportedPlan) -> Element:

@@ -8,9 +8,6 @@ from microplan.schemas.files.times import SWEEP
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Look, Measure, Plan, Step, VerifyAction
 
-# that of `microplan.optics.ledger`, without loading scipy for it
-CONTRAST = "unit contrast"
-
 
 def plan_summary(plan: Plan) -> str:
     """Return the verdict with what it leaves out, one line per step, and the rest."""

@@ -9,8 +9,9 @@ from dataclasses import replace
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import PreparedRoutines
-from microplan.optics.outline.tolerant_order import at_most
-from microplan.planner.assembly.assembly import Body, bodies
+from microplan.optics.ledger import CONTRAST
+from microplan.optics.outline.tolerant_order import above, at_most
+from microplan.planner.assembly.assembly import bodies
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.model_errors.better_models import (
@@ -28,7 +29,6 @@ from microplan.planner.looks.model_errors.model_cost import (
     model_cost,
 )
 from microplan.planner.looks.model_errors.used_poses import SPARE, used_poses
-from microplan.planner.store.summary import CONTRAST
 from microplan.schemas import plan as p
 
 
@@ -40,7 +40,7 @@ def open_effects(rows: Iterable[p.EffectRow]) -> tuple[str, ...]:
         if row.unit == CONTRAST
         and row.limit is not None
         and row.effect not in CHARGED
-        and (row.predicted_error is None or row.predicted_error > row.limit)
+        and (row.predicted_error is None or above(row.predicted_error, row.limit))
     )
 
 
@@ -61,7 +61,7 @@ def charged(
     effects = open_effects(rows)
     if selection.chosen is None or not effects:
         return tried, ChargedChains()
-    standing = _bodies(problem)
+    standing = tuple(bodies(problem.task, problem.request.state))
     models = better_models(tried.case, effects, standing)
     known = {name for model in models for name in model.effects}
     lacking = [name for name in effects if name not in known]
@@ -108,11 +108,6 @@ def _spoilt(
         f"2 sigma and the half-width are {need_um:.3g} um, tolerance "
         f"{tolerance_um:.3g} um"
     )
-
-
-def _bodies(problem: LookProblem) -> tuple[Body, ...]:
-    """Return the bodies that are there while the look is made."""
-    return tuple(bodies(problem.task, problem.request.state))
 
 
 def _differences(

@@ -15,9 +15,9 @@ from microplan.optics import ledger
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.cli.main import main
 from microplan.planner.looks.scenario import build_case
+from microplan.planner.report import margins
 from microplan.planner.report.report import write_report
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.store import summary
 from microplan.planner.store.memo import Memo, digest
 from microplan.planner.store.store import Store, place
 from microplan.planner.task import read_task
@@ -210,5 +210,5 @@ def test_an_unchanged_task_loads_nothing_that_computes() -> None:
     assert done.stderr.strip() == ""
 
 
-def test_the_summary_knows_the_ledgers_unit() -> None:
-    assert summary.CONTRAST == ledger.CONTRAST
+def test_the_report_knows_the_ledgers_unit() -> None:
+    assert margins.CONTRAST == ledger.CONTRAST

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from microplan.planner.store.summary import CONTRAST, left_out, plan_summary
+from microplan.optics.ledger import CONTRAST
+from microplan.planner.store.summary import left_out, plan_summary
 from microplan.schemas.plan import EffectCost, Look, Plan, parse_plan
 from tests.planner.examples import ROOT
 
