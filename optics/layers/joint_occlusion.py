@@ -27,7 +27,7 @@ from microplan.optics.transfer.microscope import Microscope
 _FEWEST, _MOST, _SAMPLES = 64, 1024, 1 << 21
 _FINEST = 2.0  # points: what is smaller is no mean
 WIDEST = 300  # points aside that a ray may meet a face: a limit to memory
-_AT_ONCE = 1 << 15  # values of one array: they stay in the cache
+_AT_ONCE = 1 << 16  # values of one array: they stay in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,8 +37,9 @@ class MetFace:
     free: Float32Array  # that it does not cover: (rows, columns), or one value
     sends: Float32Array
     light: Float32Array
-    at: list[tuple[float, float]]  # (row, column) that the first point's rays meet
-    is_between: bool  # whether that is no whole number
+    down: list[float]  # the row that each ray from the first point meets
+    right: list[float]  # the column
+    is_between: bool  # whether these are no whole numbers
     columns: int  # of the lattice
 
     @classmethod
@@ -48,8 +49,10 @@ class MetFace:
         `rays`: tangents with the axis, (N, 2).
         """
         by = (face.covers.shape[0] - lattice.shape[0]) // 2
-        at = face.z_um / lattice.step_um * rays[:, ::-1] * np.array([-1.0, 1.0]) + by
+        at = face.z_um / lattice.step_um * rays.T * np.array([[1.0], [-1.0]]) + by
         is_between = not face.is_sharp and by <= _CLOSE
+        if not is_between:
+            at = np.rint(at).astype(np.intp)
         light = np.ones((1, 1), dtype=np.float32) if face.light is None else face.light
         sends = face.sends * light if face.joins_light else face.sends
         one = None if face.joins_light else _reflectance(face)
@@ -60,7 +63,8 @@ class MetFace:
             free=_even(1 - face.covers),
             sends=_even(sends if one is None else one),
             light=_even(light),
-            at=(at if is_between else np.rint(at).astype(np.intp)).tolist(),
+            down=at[1].tolist(),
+            right=at[0].tolist(),
             is_between=is_between,
             columns=lattice.shape[1],
         )
@@ -77,29 +81,22 @@ class MetFace:
 
     def _read(self, values: Float32Array, rays: slice, rows: slice) -> Float32Array:
         """Return the values that rays meet, (rays, rows, columns)."""
-        at = self.at[rays]
-        if len(at) == 1 and not self.is_between:
-            return self._cut(values, at[0], rows)[None]
-        shape = rows.stop - rows.start, self.columns
-        found = np.empty((len(at), *shape), dtype=np.float32)
+        down, across = self.down[rays], self.right[rays]
+        height, width = rows.stop - rows.start, self.columns
+        below = values[rows.start :]
+        if len(down) == 1 and not self.is_between:
+            row, column = int(down[0]), int(across[0])
+            return below[None, row : row + height, column : column + width]
+        found = np.empty((len(down), height, width), dtype=np.float32)
         if self.is_between:
-            below = np.ascontiguousarray(values[rows.start :])
-            for out, (row, column) in zip(found, at, strict=True):
-                middle = column + (shape[1] - 1) / 2, row + (shape[0] - 1) / 2
-                cv2.getRectSubPix(below, shape[::-1], middle, out)
+            below = np.ascontiguousarray(below)
+            for out, y, x in zip(found, down, across, strict=True):
+                middle = x + (width - 1) / 2, y + (height - 1) / 2
+                cv2.getRectSubPix(below, (width, height), middle, out)
             return found
-        for out, place in zip(found, at, strict=True):
-            out[...] = self._cut(values, place, rows)
+        for out, y, x in zip(found, down, across, strict=True):
+            out[...] = below[y : y + height, x : x + width]
         return found
-
-    def _cut(
-        self, values: Float32Array, place: tuple[float, float], rows: slice
-    ) -> Float32Array:
-        """Return the values that one ray meets at whole numbers, (rows, columns)."""
-        row, column = int(place[0]), int(place[1])
-        return values[
-            row + rows.start : row + rows.stop, column : column + self.columns
-        ]
 
 
 def varies(values: Float32Array) -> bool:
