@@ -89,14 +89,18 @@ class _Loader(yaml.SafeLoader):
 
 
 _Loader.yaml_implicit_resolvers = {
-    letter: [(tag, form) for tag, form in rules if not tag.endswith(":bool")]
+    letter: [
+        (tag, form)
+        for tag, form in rules
+        if letter in "tTfF" or not tag.endswith(":bool")
+    ]
     for letter, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
 
 
 def _read(file: Path) -> dict[str, Any]:
-    """Return what a YAML file holds; nothing in it is a truth value."""
-    found: dict[str, Any] = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 - a safe one
+    """Return what a YAML file holds."""
+    found: dict[str, Any] = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)
     return found
 
 
