@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from shapely import Point as ShapelyPoint
+from shapely import Polygon
 
 from microplan.arrays import Point
 from microplan.featuresel.features.contour import with_contour
@@ -114,11 +117,18 @@ def _blob(rng: np.random.Generator) -> Outline:
         rings = [_half_disc(_RADIUS_UM * float(rng.uniform(0.5, 1)))]
     inner = 0.4 * _RADIUS_UM * 0.5
     if rng.random() < 0.5:
-        # any polygon above holds this disc about the origin, a half disc beside it
-        x = 0.0 if len(rings[0].edges) > 2 else -inner
+        is_round = len(rings[0].edges) == 2  # a half disc, which has it beside it
+        room = inner if is_round else min(inner, _room(corners))
         radius = float(rng.uniform(1.0, inner * 0.7))
-        rings.append(disc(radius, x).reversed())
+        if radius < room:
+            rings.append(disc(radius, -inner if is_round else 0.0).reversed())
     return Outline(rings=tuple(rings))
+
+
+def _room(corners: Sequence[Point]) -> float:
+    """Return the radius of the disc about the origin in a polygon, 0 for none."""
+    middle, area = ShapelyPoint(0.0, 0.0), Polygon(corners)
+    return float(area.exterior.distance(middle)) if area.contains(middle) else 0.0
 
 
 def _half_disc(radius_um: float) -> Ring:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
 
 from benchmarks.example import ROOT, compile_s, given
 from benchmarks.figures import Options
+from benchmarks.truth.compiler_side import Surface
 
 PRESET = "fast"  # a plan's looks are the same at all: fewer trials choose its chains
 
@@ -55,3 +60,55 @@ def plan_of(example: TruthExample, options: Options) -> Iterator[Path]:
         folder = Path(name) / "example.plan"
         compile_s(folder, options.jobs, task=example.file, preset=PRESET)
         yield folder / "plan.json"
+
+
+@contextmanager
+def stated_plan(
+    example: TruthExample, surface: Surface, jobs: int
+) -> Iterator[tuple[Path, Path]]:
+    """Give the files of a task whose bodies all state one surface, and of its plan."""
+    with TemporaryDirectory() as name:
+        folder = Path(name) / "example"
+        shutil.copytree(example.file.parent, folder)
+        task_file = folder / example.file.name
+        task = _read(task_file)
+        workcell_file = folder / task["workcell"]
+        workcell = _read(workcell_file)
+        for body in (*task["parts"].values(), *workcell["tools"].values()):
+            _state(body, surface)
+            for post in body.get("posts", {}).values():
+                _state(post, surface)
+        for file, content in ((task_file, task), (workcell_file, workcell)):
+            file.write_text(yaml.safe_dump(content), encoding="utf-8")
+        compile_s(Path(name) / "plan", jobs, task=task_file, preset=PRESET)
+        yield task_file, Path(name) / "plan" / "plan.json"
+
+
+class _Loader(yaml.SafeLoader):
+    """One for which `on` is a word, as in YAML 1.2."""
+
+
+_Loader.yaml_implicit_resolvers = {
+    letter: [
+        (tag, form)
+        for tag, form in rules
+        if letter in "tTfF" or not tag.endswith(":bool")
+    ]
+    for letter, rules in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+
+def _read(file: Path) -> dict[str, Any]:
+    """Return what a YAML file holds."""
+    found: dict[str, Any] = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)
+    return found
+
+
+def _state(body: dict[str, object], surface: Surface) -> None:
+    """State a body's surface, as a task or a workcell does."""
+    body["finish"] = surface.finish
+    body["wall"] = (
+        {"kind": "mirror", "reflectance": surface.wall}
+        if surface.wall
+        else {"kind": "black"}
+    )

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.truth.cell_side import at_rest, put, scenes_of, with_surface
 from benchmarks.truth.compiler_side import Surface, TrialCase, task_of, trial_cases
-from benchmarks.truth.examples import GEAR, plan_of
+from benchmarks.truth.examples import GEAR, stated_plan
 from microplan.arrays import FloatArray
 from microplan.executor.analysis.pictures import Viewer, viewer
 from microplan.executor.devices.errors import ExecutorError
@@ -29,7 +29,7 @@ from microplan.schemas.plan import Look
 from microplan.schemas.pose import Pose
 
 PICTURES = 300  # of each look: 600 values, x and y pooled
-BLACK = Surface(wall=0.0)  # as near to the plan's flat faces as a solid body comes
+BLACK = Surface(wall=0.0)  # stated in the task, and what the cell's bodies have
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,8 +187,8 @@ def figures(looks: Sequence[ReplayedLook]) -> Iterator[Figure]:
 
 
 def _measure(options: Options) -> Iterator[Figure]:
-    with plan_of(GEAR, options) as plan_file:
-        yield from figures(replayed_looks(GEAR.file, plan_file, BLACK, PICTURES))
+    with stated_plan(GEAR, BLACK, options.jobs) as (task_file, plan_file):
+        yield from figures(replayed_looks(task_file, plan_file, BLACK, PICTURES))
 
 
 BENCHMARK = Benchmark(

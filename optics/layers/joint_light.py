@@ -15,13 +15,9 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance
-from microplan.optics.layers.joint_occlusion import (
-    WIDEST,
-    JointFace,
-    joint_residual,
-    wide,
-)
+from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
 from microplan.optics.layers.lattice import MORE, Area, Lattice
+from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 

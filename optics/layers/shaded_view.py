@@ -17,13 +17,9 @@ from microplan.optics.layers.coaxial_light import (
     pixel_axes_um,
 )
 from microplan.optics.layers.joint_light import LightChange
-from microplan.optics.layers.joint_occlusion import (
-    WIDEST,
-    JointFace,
-    joint_residual,
-    wide,
-)
+from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
 from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.layers.rays import extent
 from microplan.optics.outline.scanlines import LINES
 from microplan.optics.render.render import Covered

@@ -37,6 +37,9 @@ _FOCUS_SIGMAS = 2.0  # of the focus error, through which the polarity must hold
 _SWEEP_UM = (-32.0, -16.0, -8.0, -4.0, 0.0)
 _SWEEP_UM = (*_SWEEP_UM, *(-z for z in reversed(_SWEEP_UM[:-1])))
 _ACROSS = 0.5  # of a step must be between points one blur off the edge
+# so much at least: four standard errors of a difference in images in a ring's light,
+# each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`)
+_TRUSTED = 0.07
 _AIRY = 1.22  # radius of the first dark ring, over the period of the cutoff
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
@@ -264,7 +267,7 @@ def _across(
     )
     across = np.nan_to_num(outside - inside) * np.sign(seen.step)
     near = np.abs(seen.offset_px) <= blur_px
-    least = np.maximum(_ACROSS * np.abs(seen.step), 2 * FAINT)
+    least = np.maximum(_ACROSS * np.abs(seen.step), _TRUSTED)
     found: BoolArray = near & (across >= least)
     return found
 
