@@ -32,25 +32,36 @@ def report_costs(
         )
         return False
     for each in found:
-        if each.charges.swapped:
+        said = struck_words(each)
+        if said:
             report.note(
                 CODE,
                 request.where,
-                f"look {request.id!r}: {' > '.join(each.chosen.chain)} is used, since "
-                f"errors of images spoil the better chain: {each.charges.swapped}",
+                f"look {request.id!r}: {said}",
                 "state what the image is not sure of (walls, finish, light)",
-            )
-        if each.charges.dropped:
-            report.fact(
-                CODE,
-                request.where,
-                f"look {request.id!r}: its fallback is left out, since what errors of "
-                f"images cost is not known of it: {each.charges.dropped}",
             )
     words = cost_words(look.effects, look.model_cost)
     if words:
         report.fact(CODE, request.where, f"look {request.id!r}: {words}")
     return True
+
+
+def struck_words(found: MeasuredFeature) -> str:
+    """Return which chains errors of images spoil, and what is used instead, or ""."""
+    charges, spare = found.charges, found.tried.comparison.selection.fallback
+    own = " > ".join(found.chosen.chain)
+    said = []
+    if charges.struck:
+        others = "; ".join(
+            f"{' > '.join(chain)}: {why}" for chain, why in charges.struck.items()
+        )
+        then = "no fallback" if spare is None else " > ".join(spare.chain)
+        said.append(
+            f"{own} is used, then {then}, since errors of images spoil {others}"
+        )
+    if charges.missed:
+        said.append(f"{own} is used though they spoil it: {charges.missed}")
+    return "; ".join(said)
 
 
 def cost_words(rows: Sequence[p.EffectRow], cost: p.ModelCost | None) -> str:
