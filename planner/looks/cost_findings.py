@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from microplan.featuresel.trials.chains import Chain
 from microplan.planner.looks.measures import MeasuredFeature
+from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.views.requests import Request
 from microplan.schemas import plan as p
@@ -32,7 +34,10 @@ def report_costs(
         )
         return False
     for each in found:
-        said = struck_words(each)
+        spare = each.tried.comparison.selection.fallback
+        said = struck_words(
+            each.charges, each.chosen.chain, None if spare is None else spare.chain
+        )
         if said:
             report.note(
                 CODE,
@@ -46,22 +51,18 @@ def report_costs(
     return True
 
 
-def struck_words(found: MeasuredFeature) -> str:
-    """Return which chains errors of images spoil, and what is used instead, or ""."""
-    charges, spare = found.charges, found.tried.comparison.selection.fallback
-    own = " > ".join(found.chosen.chain)
-    said = []
-    if charges.struck:
-        others = "; ".join(
-            f"{' > '.join(chain)}: {why}" for chain, why in charges.struck.items()
-        )
-        then = "no fallback" if spare is None else " > ".join(spare.chain)
-        said.append(
-            f"{own} is used, then {then}, since errors of images spoil {others}"
-        )
-    if charges.missed:
-        said.append(f"{own} is used though they spoil it: {charges.missed}")
-    return "; ".join(said)
+def struck_words(charges: ChargedChains, own: Chain, spare: Chain | None) -> str:
+    """Return which chains errors of images spoil and what is used instead, or ""."""
+    spoilt = {**charges.struck, own: charges.missed}
+    faults = [f"{' > '.join(chain)}: {why}" for chain, why in spoilt.items() if why]
+    if not faults:
+        return ""
+    nearest = ", of these the nearest to its tolerance" if charges.missed else ""
+    then = "without a fallback" if spare is None else f"then {' > '.join(spare)}"
+    return (
+        f"errors of images spoil {'; '.join(faults)}; {' > '.join(own)} is used"
+        f"{nearest}, {then}"
+    )
 
 
 def cost_words(rows: Sequence[p.EffectRow], cost: p.ModelCost | None) -> str:
