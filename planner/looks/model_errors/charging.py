@@ -110,11 +110,11 @@ def charge_chains(
 def _least_missed(found: Evaluation, known: Differences) -> Chain | None:
     """Return the chain with the least need, None where none can be charged."""
     needs = [
-        (_need_um(score, each), score.chain)
+        (max(need / limit for need, limit, _ in _needs(found, score, each)), score)
         for score in found.comparison.scores
         if not isinstance(each := known.get(score.chain, ""), str)
     ]
-    return min(needs, default=(math.inf, None))[1]
+    return min(needs, key=lambda pair: pair[0])[1].chain if needs else None
 
 
 def _both(tried: Evaluation) -> tuple[ChainScore, ...]:
@@ -128,22 +128,30 @@ def _fault(tried: Evaluation, score: ChainScore, found: _Charge) -> str:
     """Return why a chain does not stand errors of images, "" if it does."""
     if isinstance(found, str):
         return found
-    need_um, tolerance_um = _need_um(score, found), tried.case.tolerance_um
-    if at_most(need_um, tolerance_um):
-        return ""
-    return (
-        f"2 sigma and the half-width are {need_um:.3g} um, tolerance "
-        f"{tolerance_um:.3g} um"
-    )
+    for need, limit, unit in _needs(tried, score, found):
+        if not at_most(need, limit):
+            return (
+                f"2 sigma and the half-width are {need:.3g} {unit}, tolerance "
+                f"{limit:.3g} {unit}"
+            )
+    return ""
 
 
-def _need_um(score: ChainScore, found: Sequence[EffectDifference]) -> float:
-    """Return 2 sigma and the half-width of a chain with what it is charged, um."""
-    cost = model_cost(found)
-    if cost is None or score.sigma_um is None:
-        return 0.0
-    sigma_um = math.hypot(score.sigma_um, max(cost.sigma_um))
-    return 2 * sigma_um + math.hypot(*cost.half_width_um)
+def _needs(
+    tried: Evaluation, score: ChainScore, found: Sequence[EffectDifference]
+) -> list[tuple[float, float, str]]:
+    """Return 2 sigma and half-width with the tolerance, of the place and the angle."""
+    cost, case = model_cost(found), tried.case
+    if cost is None:
+        return [(0.0, case.tolerance_um, "um")]
+    sigma_um = math.hypot(score.sigma_um or 0.0, max(cost.sigma_um))
+    need_um = 2 * sigma_um + math.hypot(*cost.half_width_um)
+    needs = [(need_um, case.tolerance_um, "um")]
+    turn, half_rad = case.tolerance_theta_rad, cost.half_width_theta_rad
+    if turn is not None and half_rad is not None:
+        sigma_rad = math.hypot(score.sigma_theta_rad or 0.0, cost.sigma_theta_rad or 0)
+        needs.append((2 * sigma_rad + half_rad, turn, "rad"))
+    return needs
 
 
 def _rejections(struck: Mapping[Chain, str]) -> Mapping[Chain, str]:

@@ -31,7 +31,7 @@ from microplan.planner.looks.model_errors.model_cost import (
     EffectDifference,
 )
 from tests.featuresel.conftest import post_alone
-from tests.featuresel.selection.test_select import a_score, with_failures
+from tests.featuresel.selection.test_select import GEAR, NOTCH, a_score, with_failures
 
 TOLERANCE_UM = 1.0
 CASE = replace(post_alone(), tolerance_um=TOLERANCE_UM, tolerance_theta_rad=None)
@@ -190,6 +190,28 @@ def test_a_struck_chain_costs_the_look_no_fallback() -> None:
     assert (selection.chosen, selection.fallback) == (FINE, SPARE)
     (why,) = charges.struck.values()
     assert why == "2 sigma and the half-width are 2.2 um, tolerance 1 um"
+
+
+@pytest.mark.parametrize(("half_rad", "stands"), [(0.007, True), (0.009, False)])
+def test_an_angle_that_is_needed_has_to_stand_too(
+    half_rad: float, stands: bool
+) -> None:
+    """2 sigma of the trials are .002 rad, of .01."""
+    teeth = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
+    case = replace(CASE, tolerance_theta_rad=0.01, target=teeth)
+    found = Field((AREA,), {AREA.chain: 0.1})
+    turn = AnswerShift(
+        pairs=12, freedom=6, mean=np.zeros(1), sigma=np.zeros(1),
+        half_width=np.array([half_rad]), interval=np.zeros(1),
+    )  # fmt: skip
+    (place,) = charge_um(0.1)
+    _, charges = charge_chains(
+        replace(found.tried, case=case),
+        lambda _, chains: {chain: (replace(place, turn=turn),) for chain in chains},
+        rejecting,
+    )
+    need = "" if stands else "2 sigma and the half-width are 0.011 rad"
+    assert charges.missed.split(", ")[0] == need
 
 
 @pytest.mark.parametrize(("own", "is_open"), [(2.0, False), (None, True)])
