@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from microplan.featuresel.routines.contract import Target
@@ -84,6 +84,8 @@ class Constraints:
     target: Target | None = None
     visible: float | None = None  # share of the target's edges; None: not known
     in_set: bool = False  # one of several features: one direction will do
+    # why chains do not pass whatever their trials say: not judged by scores
+    rejected: Mapping[Chain, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         theta = 1.0 if self.tolerance_theta_rad is None else self.tolerance_theta_rad
@@ -129,7 +131,9 @@ class Constraints:
         )
 
     def unreliable(self, score: ChainScore) -> str:
-        """Return what the counts say against the chain."""
+        """Return what the chain is rejected for, or the counts say against it."""
+        if score.chain in self.rejected:
+            return self.rejected[score.chain]
         if score.silent and score.silent_upper > self.limits.silent_upper:
             return (
                 f"{score.silent} silent failures in {score.trials} trials, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -35,6 +35,45 @@ class RoutineComparison:
     limit_um: float | None  # Cramer-Rao, the worse axis; None: none, or not asked for
     visible: float | None  # share of the target's edges; None: not known
 
+    def only(self, chains: Collection[Chain]) -> RoutineComparison:
+        """Return what it showed of some of its chains; the selection stays."""
+        kept = tuple(chain for chain in self.prepared.chains if chain in chains)
+        return replace(
+            self,
+            prepared=replace(self.prepared, chains=kept),
+            outcomes=self.outcomes.only(lambda o: o.chain in chains),
+            scores=tuple(s for s in self.scores if s.chain in chains),
+        )
+
+    def judged(
+        self,
+        case: LookCase,
+        *,
+        in_set: bool = False,
+        rejected: Mapping[Chain, str] | None = None,
+    ) -> RoutineComparison:
+        """Return it with the choice by other tolerances, on the trials that it has."""
+        task = replace(
+            _task(case, Limits(), self.visible), in_set=in_set, rejected=rejected or {}
+        )
+        return replace(self, selection=select(self.scores, task))
+
+    def remind(self, known: Known) -> None:
+        """Tell what is known of the look what this has of it."""
+        known.artifacts.update(self.prepared.artifacts)
+        for outcome in self.outcomes:
+            if (outcome.chain, outcome.trial) not in known.outcomes:
+                known.outcomes.add(outcome)
+        known.facts.setdefault("visible", self.visible)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedChains:
+    """Chains that are not to be chosen, whatever their trials say."""
+
+    before: RoutineComparison  # that chose among them; they keep their scores of it
+    reasons: Mapping[Chain, str]  # why each is not
+
 
 def compare_routines(
     case: LookCase,
@@ -48,6 +87,7 @@ def compare_routines(
     in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     looks: Looks | None = None,
+    rejected: RejectedChains | None = None,
 ) -> RoutineComparison:
     """Return the chain to measure a look with, and what was tried to find it.
 
@@ -82,9 +122,14 @@ def compare_routines(
     looks : Looks, optional
         What is known from a contest over the same look that had to meet something else;
         takes what is found.
+    rejected : RejectedChains, optional
+        Chains that take no part any more: the others race again without them, with
+        their own trials and as many more as the choice hangs on now.
     """
     bounds = limits or Limits()
     known = (looks or Looks()).of(case, root_seed)
+    if rejected is not None:
+        rejected.before.remind(known)
     visible = known.fact(
         "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
     )
@@ -94,7 +139,11 @@ def compare_routines(
         case=case,
         root_seed=root_seed,
         most=min(most, ROUNDS[0]) if hopeless else most,
-        task=replace(_task(case, bounds, visible), in_set=in_set),
+        task=replace(
+            _task(case, bounds, visible),
+            in_set=in_set,
+            rejected={} if rejected is None else rejected.reasons,
+        ),
         map=map,
         races=1 if once else 2,
         to_the_end=thorough or to_the_end,
@@ -103,7 +152,8 @@ def compare_routines(
         else None,
         known=known,
     )
-    found = judge.contest(judge.ready(expensive=thorough and not hopeless))
+    out = None if rejected is None else rejected.before.only(rejected.reasons)
+    found = judge.contest(judge.ready(expensive=thorough and not hopeless), out)
     if once or has_margin(case, found.selection, bounds):
         return found
     return judge.with_expensive(found)
@@ -155,13 +205,17 @@ class _Judge:
     def with_expensive(self, found: RoutineComparison) -> RoutineComparison:
         """Return a contest after the race of those that were too expensive for it."""
         ready = self.ready()
-        fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
-        return self.contest(replace(ready, chains=fresh), found) if fresh else found
+        is_new = not set(ready.chains) <= set(found.prepared.chains)
+        return self.contest(ready, found) if is_new else found
 
     def contest(
         self, ready: PreparedRoutines, before: RoutineComparison | None = None
     ) -> RoutineComparison:
-        """Return the choice among new chains and those of an earlier contest."""
+        """Return the choice among chains that are new and those of before."""
+        if before is not None:
+            known = before.prepared.chains
+            fresh = tuple(chain for chain in ready.chains if chain not in known)
+            ready = replace(ready, chains=fresh)
         raced = self.race(ready, before)
         outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
         scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)

@@ -36,13 +36,14 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     """Return the cheapest chain that is good enough, and why the others are not it.
 
     With the limits of `task`, a chain passes if the target is visible and its angle,
-    where needed, cannot be mistaken for another of the declared range; if it answers
-    rightly in at least `limits.success` of the trials, has no silent failure (or an
-    upper bound below `limits.silent_upper`), gives the angle where that is needed, 2
-    sigma + |bias| stays within each tolerance, and it costs no more than `limits.cost`.
-    Of those the cheapest that uses at most `limits.margin_share` of each tolerance is
-    taken, the first by name among equals. Where none leaves that much, it is the
-    cheapest, unless a more expensive one is `task.limits.better` times more accurate.
+    where needed, cannot be mistaken for another of the declared range; if it is not
+    `task.rejected`, answers rightly in at least `limits.success` of the trials, has no
+    silent failure (or an upper bound below `limits.silent_upper`), gives the angle
+    where that is needed, 2 sigma + |bias| stays within each tolerance, and it costs no
+    more than `limits.cost`. Of those the cheapest that uses at most
+    `limits.margin_share` of each tolerance is taken, the first by name among equals.
+    Where none leaves that much, it is the cheapest, unless a more expensive one is
+    `task.limits.better` times more accurate.
     Numbers within the margin of `microplan.optics.outline.tolerant_order` are equal.
     The fallback is taken alike from the passing chains of the greatest `independence`
     of the chosen one.

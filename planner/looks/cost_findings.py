@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from microplan.featuresel.trials.chains import Chain
 from microplan.planner.looks.measures import MeasuredFeature
+from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.views.requests import Request
 from microplan.schemas import plan as p
@@ -32,25 +34,35 @@ def report_costs(
         )
         return False
     for each in found:
-        if each.charges.swapped:
+        spare = each.tried.comparison.selection.fallback
+        said = struck_words(
+            each.charges, each.chosen.chain, None if spare is None else spare.chain
+        )
+        if said:
             report.note(
                 CODE,
                 request.where,
-                f"look {request.id!r}: {' > '.join(each.chosen.chain)} is used, since "
-                f"errors of images spoil the better chain: {each.charges.swapped}",
+                f"look {request.id!r}: {said}",
                 "state what the image is not sure of (walls, finish, light)",
-            )
-        if each.charges.dropped:
-            report.fact(
-                CODE,
-                request.where,
-                f"look {request.id!r}: its fallback is left out, since what errors of "
-                f"images cost is not known of it: {each.charges.dropped}",
             )
     words = cost_words(look.effects, look.model_cost)
     if words:
         report.fact(CODE, request.where, f"look {request.id!r}: {words}")
     return True
+
+
+def struck_words(charges: ChargedChains, own: Chain, spare: Chain | None) -> str:
+    """Return which chains errors of images spoil and what is used instead, or ""."""
+    spoilt = {**charges.struck, own: charges.missed}
+    faults = [f"{' > '.join(chain)}: {why}" for chain, why in spoilt.items() if why]
+    if not faults:
+        return ""
+    nearest = ", of these the nearest to its tolerance" if charges.missed else ""
+    then = "without a fallback" if spare is None else f"then {' > '.join(spare)}"
+    return (
+        f"errors of images spoil {'; '.join(faults)}; {' > '.join(own)} is used"
+        f"{nearest}, {then}"
+    )
 
 
 def cost_words(rows: Sequence[p.EffectRow], cost: p.ModelCost | None) -> str:

@@ -7,9 +7,7 @@ from dataclasses import replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.evaluate import RoutineComparison, compare_routines
-from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
@@ -170,18 +168,7 @@ def _target(
 
 def _judged_again(tried: Evaluation, case: LookCase) -> Evaluation:
     """Return the target's own trials, judged by the tolerances of `case`."""
-    comparison = tried.comparison
-    selection = select(
-        comparison.scores,
-        Constraints(
-            tolerance_um=case.tolerance_um,
-            tolerance_theta_rad=case.tolerance_theta_rad,
-            target=case.target,
-            visible=comparison.visible,
-            in_set=True,
-        ),
-    )
-    comparison = replace(comparison, selection=selection)
+    comparison = tried.comparison.judged(case, in_set=True)
     return replace(tried, case=case, comparison=comparison)
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.evaluate import compare_routines
+from microplan.featuresel.selection.evaluate import (
+    RejectedChains,
+    RoutineComparison,
+    compare_routines,
+)
+from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
@@ -96,11 +102,31 @@ class LookProblem:
 
         With `to_the_end` every chain that is not eliminated has all its trials.
         """
-        context, effort = self.context, self.context.effort
+        context = self.context
         case, fidelity = self.begun.case(
             self.task, self.request, view, context.max_image_error, context.memo
         )
-        found = context.memo.call(
+        found = self._compared(case, to_the_end=to_the_end)
+        return Evaluation(case=case, fidelity=fidelity, comparison=found)
+
+    def without(self, tried: Evaluation, rejected: Mapping[Chain, str]) -> Evaluation:
+        """Return an evaluation whose chains were compared again without some of them.
+
+        `rejected` says of each why.
+        """
+        out = RejectedChains(before=tried.comparison, reasons=rejected)
+        return replace(tried, comparison=self._compared(tried.case, rejected=out))
+
+    def _compared(
+        self,
+        case: LookCase,
+        *,
+        to_the_end: bool = False,
+        rejected: RejectedChains | None = None,
+    ) -> RoutineComparison:
+        """Return the comparison of all routines for a case."""
+        context, effort = self.context, self.context.effort
+        return context.memo.call(
             compare_routines,
             case,
             root_seed=self.task.seed,
@@ -110,5 +136,5 @@ class LookProblem:
             limited=effort.limited,
             map=context.map,
             looks=self.begun.looks,
+            rejected=rejected,
         )
-        return Evaluation(case=case, fidelity=fidelity, comparison=found)

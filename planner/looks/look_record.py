@@ -31,10 +31,8 @@ from microplan.planner.looks.measures import (
     look_key,
     measure_record,
 )
-from microplan.planner.looks.model_errors.charging import (
-    charged,
-    with_costs,
-)
+from microplan.planner.looks.model_errors.charging import charged
+from microplan.planner.looks.model_errors.effect_rows import with_costs
 from microplan.planner.looks.model_errors.model_cost import of_either, together_cost
 from microplan.planner.looks.records import (
     evidence,
@@ -143,7 +141,8 @@ def measured(
         If no chain was chosen.
     """
     context = problem.context
-    tried, charges = charged(problem, tried, effects, may_swap=sigma_um is None)
+    in_set = sigma_um is not None
+    tried, charges = charged(problem, tried, effects, in_set=in_set)
     case, chosen = tried.case, tried.comparison.selection.chosen
     if chosen is None:
         raise ValueError("no chain was chosen")

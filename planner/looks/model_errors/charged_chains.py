@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from microplan.featuresel.trials.chains import Chain
 from microplan.planner.looks.model_errors.model_cost import EffectDifference
 from microplan.schemas import plan as p
 
@@ -16,6 +17,7 @@ class ChargedChains:
     chain: p.ModelCost | None = None  # None: every effect is within its limit
     fallback: p.ModelCost | None = None
     rows: Mapping[str, EffectDifference] = field(default_factory=dict)  # by effect
-    fault: str = ""  # why an effect cannot be charged; "": all are
-    swapped: str = ""  # why the fallback is used instead of the chain; "": it is not
-    dropped: str = ""  # why there is no fallback any more; "": there is, or was none
+    fault: str = ""  # why the look cannot be charged; "": it can
+    # why each chain is not used that the look would have used else, in that order
+    struck: Mapping[Chain, str] = field(default_factory=dict)
+    missed: str = ""  # by what the chain misses its tolerance; "": it does not

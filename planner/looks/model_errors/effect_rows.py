@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, replace
 
 from microplan.featuresel.look.scenario import scene
 from microplan.optics.layers.layer_error import (
@@ -11,10 +12,12 @@ from microplan.optics.layers.layer_error import (
     LayerRefusal,
     layer_error,
 )
-from microplan.optics.ledger import Imaged, ledger
+from microplan.optics.ledger import CONTRAST, Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.outline.tolerant_order import above
 from microplan.planner.looks.evaluation import Evaluation
-from microplan.planner.looks.model_errors.charging import finish_row
+from microplan.planner.looks.model_errors.better_models import CHARGED, FINISH
+from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
@@ -78,4 +81,49 @@ def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
         lamp_aperture=lamp_aperture(task.workcell, case.microscope),
         is_shaded=case.lamp_aperture is not None,
         light=task.workcell.light.kind if asks_for_walls(task.workcell) else "",
+    )
+
+
+def open_effects(rows: Iterable[p.EffectRow]) -> tuple[str, ...]:
+    """Return the image effects that are above their limits, or have no number."""
+    return tuple(
+        row.effect
+        for row in rows
+        if row.unit == CONTRAST
+        and row.limit is not None
+        and row.effect not in CHARGED
+        and (row.predicted_error is None or above(row.predicted_error, row.limit))
+    )
+
+
+def with_costs(
+    rows: Sequence[p.EffectRow], charges: ChargedChains
+) -> tuple[p.EffectRow, ...]:
+    """Return a ledger's rows with what those above their limits cost the look's chain.
+
+    What had no number has that of the pairs of images.
+    """
+    found = []
+    for row in rows:
+        known = charges.rows.get(row.effect)
+        if known is None:
+            found.append(row)
+            continue
+        error = row.predicted_error
+        level = row.level
+        if error is None:
+            error, level = known.image_error, "charged"
+        found.append(replace(row, predicted_error=error, level=level, cost=known.cost))
+    return tuple(found)
+
+
+def finish_row(limit: float) -> p.EffectRow:
+    """Return the row of faces that may be dull or mirrors, before it is charged."""
+    return p.EffectRow(
+        effect=FINISH,
+        level="not modelled",
+        predicted_error=None,
+        limit=limit,
+        unit=CONTRAST,
+        reason="a mirror returns its light once, a dull face is shaded twice",
     )

@@ -17,13 +17,14 @@ from microplan.planner.looks.model_errors.better_models import (
     ImageModel,
     inner_weight,
 )
-from microplan.planner.looks.model_errors.image_pairs import (
-    image_pairs,
-    posed_image,
-)
+from microplan.planner.looks.model_errors.image_pairs import image_pairs
 from microplan.planner.looks.model_errors.model_cost import (
     EffectDifference,
     effect_difference,
+)
+from microplan.planner.looks.model_errors.pair_pictures import (
+    PairPictures,
+    posed_image,
 )
 from microplan.planner.looks.model_errors.used_poses import LEAST, used_poses
 from tests.featuresel.conftest import disc, make_case, on_target
@@ -126,6 +127,31 @@ def test_a_chain_that_fails_on_better_images_is_not_paid(
     answers = image_pairs(case, ready, (model,), trials)
     assert all(answer.off_um is None and answer.failure for answer in answers)
     assert isinstance(effect_difference(model, answers), str)
+
+
+def test_further_chains_say_of_kept_pictures_what_they_say_of_new_ones(
+    case: LookCase,
+) -> None:
+    others = prepare(case, (("ncc",), ("otsu", "circle_caliper")))
+    ends = tuple(
+        ImageModel(cases=((1.0, moved(case, x_um, 0.1)),)) for x_um in (-0.2, 0.3)
+    )
+    models = (
+        BetterModel(effects=("x",), by="", ends=ends),
+        BetterModel(effects=("y",), by="", ends=ends, alternates=True),
+    )
+    trials = used_poses(case, 1.0, count=4, root_seed=SEED)
+    pictures = PairPictures()
+    image_pairs(case, prepare(case, (CHAIN,)), models, trials[:3], known=pictures)
+    assert set(pictures.made) == {0, 1, 2}
+    again = image_pairs(case, others, models, trials, known=pictures)
+    assert again == image_pairs(case, others, models, trials)
+    # they are measured as they are kept, not made once more
+    dark = {
+        k: replace(each, counts=0 * each.counts) for k, each in pictures.made.items()
+    }
+    blind = image_pairs(case, others, models, trials, known=PairPictures(made=dark))
+    assert all(answer.off_um is None for answer in blind)
 
 
 def test_too_few_poses_are_refused(case: LookCase, ready: PreparedRoutines) -> None:
