@@ -32,6 +32,7 @@ CONTRAST, NM = "unit contrast", "nm"
 _NM_PER_UM = 1000.0
 _LEVELS = {
     "blend": "coverage, back to front",
+    "joint": "coverage, what bodies hide and shade together by rays",
     "occluded": "hidden and shaded ray by ray",
 }
 _SIDES = {

@@ -17,6 +17,7 @@ from benchmarks.figures import Figure
 from microplan.arrays import FloatArray
 from microplan.optics.layers.layer_error import layer_error
 from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene
@@ -33,7 +34,7 @@ COUNT = 1536
 HEIGHTS = (-16, -8, -4, -2, -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2, 4, 8, 16)
 RAYS = 192
 KINDS = ("edges", "bars")
-TREATMENTS = ("blend", "occluded")
+TREATMENTS = ("blend", "joint", "occluded")
 CASES = 30  # random ones of each kind
 _SEEN = 0.02  # truths below it say nothing of how tight a prediction is
 
@@ -54,7 +55,7 @@ def measure() -> Iterator[Figure]:
     rng = np.random.default_rng(1)
     for kind in KINDS:
         cases = [random_case(rng, kind) for _ in range(CASES)]
-        found = np.array([compare(case) for case in cases])  # (cases, 2, 2)
+        found = np.array([compare(case) for case in cases])  # (cases, 3, 2)
         for i, treatment in enumerate(TREATMENTS):
             truth, predicted = found[:, i].T
             ratio = predicted / truth
@@ -121,22 +122,26 @@ def random_case(rng: np.random.Generator, kind: str) -> Case:
     return Case(back_z=float(low), front_z=float(high), back=back, front=front)
 
 
-def compare(case: Case) -> tuple[tuple[float, float], tuple[float, float]]:
+def compare(case: Case) -> tuple[tuple[float, float], ...]:
     """Return the true and the predicted error of each treatment."""
     x = places(COUNT, STEP)
     near = np.abs(x) < 16
     optics = line(int(near.sum()))
     scene, truth = case.scene(optics), case.truth(x)[near]
-    blended = render(scene, optics, focus_um=0.0, model="hopkins")[0]
-    traced = occluded(scene, optics, focus_um=0.0, model="hopkins")[0]
-    predicted = [
-        layer_error(scene, optics, focus_um=0.0, treatment=t) for t in TREATMENTS
-    ]
-    first, second = (
-        (float(np.abs(image - truth).max()), guess)
-        for image, guess in zip((blended, traced), predicted, strict=True)
+    images = (
+        render(scene, optics, focus_um=0.0, model="hopkins"),
+        render_coaxial(
+            scene, optics, focus_um=0.0, lamp_aperture=None, model="hopkins"
+        ),
+        occluded(scene, optics, focus_um=0.0, model="hopkins"),
     )
-    return first, second
+    return tuple(
+        (
+            float(np.abs(image[0] - truth).max()),
+            layer_error(scene, optics, focus_um=0.0, treatment=treatment),
+        )
+        for image, treatment in zip(images, TREATMENTS, strict=True)
+    )
 
 
 def _table() -> Iterator[Figure]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from benchmarks.truth.compiler_side import Surface
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures, bodies_of
 from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.gripper import stopped_um
 from microplan.executor.simulated.hub import read_world
 from microplan.executor.simulated.imaging.imaging_view import (
     ImagingView,
@@ -138,13 +139,13 @@ def put(cell: Cell, placed: LookScene) -> None:
     _read(truth.stage, placed.stage)
     if placed.robot is not None:
         _read(truth.robot, placed.robot)
-    if placed.opening_um is not None:
-        truth.opening_um = placed.opening_um
     for there in placed.bodies:
         body = truth.bodies.get(there.name)
         if body is not None:
             under_um = there.z_um - body.part.thickness_um
             truth.carry(body, "stage", there.pose, under_um)
+    if placed.opening_um is not None:
+        truth.opening_um = stopped_um(truth, placed.opening_um)
 
 
 def _read(axes: AxisState, at: AxisMove) -> None:

@@ -128,7 +128,7 @@ def predicted(made: TrialCase) -> float:
     )
     error = layer_error(
         shown, case.microscope, focus_um=case.focus_um, treatment=case.treatment,
-        window=case.window,
+        window=case.window, lamp_aperture=case.lamp_aperture,
     )  # fmt: skip
     rows = ledger(
         Imaged(

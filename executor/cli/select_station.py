@@ -55,8 +55,8 @@ def find_site(
     Raises
     ------
     ExecutorError
-        MP803 for world.json; MP804 for an unknown fault, or a seed, fault or camera
-        together with a file; MP812 and MP813 for a station file.
+        MP803 and MP816 for world.json; MP804 for an unknown fault, or a seed, fault or
+        camera together with a file; MP812 and MP813 for a station file.
     """
     try:
         Faults(faults)

@@ -94,7 +94,8 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
     Raises
     ------
     ExecutorError
-        MP803 if the world cannot be read; as `hub` for the rest.
+        MP803 if the world cannot be read, MP816 for its light; as `hub` for the
+        rest.
     ValueError
         If a device is not of the adapters `DEMO`.
     """

@@ -82,7 +82,7 @@ class RenderedCamera(SimpleCameraDevice):
         Raises
         ------
         ExecutorError
-            MP803 if the world cannot be read.
+            MP803 if the world cannot be read; MP816 for light that is not shown.
         """
         from microplan.executor.simulated.cell import build_cell  # loads the renderer
         from microplan.executor.simulated.following import follow

@@ -27,6 +27,8 @@ PURPOSES = (
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens", "surface",
 )  # fmt: skip
 
+SHOWN_LIGHT = "coaxial"  # kind of light that both cameras show
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
@@ -110,7 +112,14 @@ def build_cell(
     camera : "solid" or "quick"
         Solid bodies seen by the cell's own rays and waves, or the compiler's renderer:
         quick, and no judge of an image.
+
+    Raises
+    ------
+    ValueError
+        If the camera is none, or the world's light is not of kind `SHOWN_LIGHT`.
     """
+    if (kind := world.optics.light_kind) != SHOWN_LIGHT:
+        raise ValueError(f"the cell shows {SHOWN_LIGHT} light alone, not {kind}")
     rng, made = _generators(seed), drives or {}
     wrong = Faults(faults)
     truth = made_truth(world, rng, missing=wrong.on("no_part"))

@@ -20,13 +20,41 @@ BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the ti
 
 
 def close_jaws(truth: Truth, opening_um: float) -> None:
-    """Close the jaws; a part between them is centred, rotated and held."""
-    truth.opening_um, before = opening_um, truth.opening_um
-    if truth.held:
-        return
+    """Close the jaws; a part between them is centred, rotated and held.
+
+    They stop at it. A part that sticks to one finger comes along with that.
+    """
+    held, before = truth.bodies.get(truth.held), truth.opening_um
+    if held is None:
+        _grasp(truth, opening_um)
+    truth.opening_um = stopped_um(truth, opening_um)
+    if held is not None and truth.stuck:
+        side = math.copysign(1.0, sum(extent_x(held.edge, held.pose.theta_rad)) / 2
+                             + held.pose.x_um)  # fmt: skip
+        _shift(held, side * (truth.opening_um - before) / 2)
+
+
+def stopped_um(truth: Truth, opening_um: float) -> float:
+    """Return where jaws stop that go to an opening: no nearer than a part is wide.
+
+    Of the parts between them, as they were made and as they stand to the jaws.
+    """
+    if truth.tool is None:
+        return opening_um
+    widest, grip = truth.tool.opening_um[1], truth.grip_pose().inverse()
+    for body in truth.bodies.values():
+        if not body.posts and _between(truth, body, widest):
+            theta_rad = grip.compose(truth.pose(body)).theta_rad
+            low, high = extent_x(body.edge, theta_rad)
+            opening_um = max(opening_um, high - low)
+    return opening_um
+
+
+def _grasp(truth: Truth, opening_um: float) -> None:
+    """Centre, rotate and hold a part between jaws that are about to close."""
     for name in sorted(truth.bodies):
         body = truth.bodies[name]
-        if body.posts or not _between(truth, body, before):
+        if body.posts or not _between(truth, body, truth.opening_um):
             continue
         theta_rad = _settled(truth, body)
         low, high = extent_x(body.edge, theta_rad)
@@ -36,27 +64,28 @@ def close_jaws(truth: Truth, opening_um: float) -> None:
         y_um = grip.inverse().compose(truth.pose(body)).y_um
         inner = Pose(x_um=-(low + high) / 2, y_um=y_um, theta_rad=theta_rad)
         truth.carry(body, "robot", grip.compose(inner), under)
-        truth.held, truth.stuck, truth.opening_um = name, False, high - low
+        truth.held, truth.stuck = name, False
         return
 
 
 def open_jaws(truth: Truth, opening_um: float, *, stick_side: float = 0.0) -> None:
     """Open the jaws; the part stays, or follows the finger on `stick_side` (+-1)."""
-    before, truth.opening_um = truth.opening_um, opening_um
-    body = truth.bodies.get(truth.held)
-    if body is None:
-        return
-    low, high = extent_x(body.edge, body.pose.theta_rad)
-    if opening_um <= high - low:
-        return  # still squeezed
+    body, before = truth.bodies.get(truth.held), truth.opening_um
+    truth.opening_um = opening_um if body is None else stopped_um(truth, opening_um)
+    if body is None or truth.opening_um > opening_um:
+        return  # empty, or still squeezed
     if stick_side:
-        shift_um = stick_side * (opening_um - before) / 2
-        body.pose = replace(body.pose, x_um=body.pose.x_um + shift_um)
+        _shift(body, stick_side * (opening_um - before) / 2)
         truth.stuck = True
         lean(truth, body)
         return
     truth.held = ""
     drop(truth, body)
+
+
+def _shift(body: TrueBody, by_um: float) -> None:
+    """Move a held part across the jaws."""
+    body.pose = replace(body.pose, x_um=body.pose.x_um + by_um)
 
 
 def _between(truth: Truth, body: TrueBody, opening_um: float) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.simulated.axes import DriveError
 from microplan.executor.simulated.cameras.kinds import CameraKind
-from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.cell import SHOWN_LIGHT, Cell, build_cell
 from microplan.executor.simulated.keeping import keep, take
 from microplan.schemas.codec import from_data
 from microplan.schemas.files.world import World
@@ -47,7 +47,8 @@ def cell(
     Raises
     ------
     ExecutorError
-        MP803 if a file cannot be read; MP866 if `kept` is of another world.
+        MP803 if a file cannot be read; MP816 for light that the cell does not show;
+        MP866 if `kept` is of another world.
     ValueError
         If a fault, a seed or the camera is none.
     """
@@ -64,8 +65,19 @@ def cell(
 
 
 def read_world(path: Path) -> World:
-    """Return the world of a file; MP803 if it cannot be read."""
+    """Return the world of a file; MP803 if it cannot be read, MP816 for its light."""
     try:
-        return from_data(World, json.loads(path.read_text(encoding="utf-8")))
+        text = path.read_text(encoding="utf-8")
+        world = from_data(World, json.loads(text))
     except (OSError, ValueError, RecursionError) as error:
         raise ExecutorError("MP803", f"{path}: {error}") from error
+    if (kind := world.optics.light_kind) != SHOWN_LIGHT:
+        line = 1 + text[: text.find('"light_kind"')].count("\n")
+        raise ExecutorError(
+            "MP816",
+            f"the plan's images are of {kind} light, the simulated cell shows "
+            f"{SHOWN_LIGHT} light alone; run the plan on a station file's devices, or "
+            f"compile it with light.kind: {SHOWN_LIGHT} in the workcell",
+            place=f"{path}:{line}",
+        )
+    return world

@@ -149,7 +149,7 @@ class LookCase:
     @property
     def shares_still_layers(self) -> bool:
         """Return whether the static scene is blurred alike wherever the target is."""
-        return self.treatment == "blend" and not self.lens.changes_scene
+        return self.treatment != "occluded" and not self.lens.changes_scene
 
     @property
     def shares_spectra(self) -> bool:

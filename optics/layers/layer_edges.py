@@ -47,8 +47,8 @@ class Points:
 
     at_um: FloatArray  # (N, 2) in the plane in focus
     away_um: FloatArray  # (faces, N) from the nearest edge of each, never too large
-    # (faces, N) length of edges within the blur and `_NEAR`, over that of a straight
-    # edge through the point: more than 1 if several edges are near
+    # (faces, N) length of edges within the blur, or a Fresnel zone if that is smaller,
+    # and `_NEAR`, over that of a straight edge: more than 1 if several are near
     crowding: FloatArray
 
 
@@ -107,7 +107,11 @@ def meeting_points(
     distance, crowding = np.zeros((2, len(found), len(at)))
     for k, (face, tree) in enumerate(zip(found, trees, strict=True)):
         distance[k] = np.maximum(tree.query(at)[0] - face.spacing_um / 2, 0)
-        radius = face.blur_um + _NEAR * airy
+        # farther apart, edges of one face diffract each on its own
+        fresnel = math.sqrt(
+            microscope.wavelength_um * abs(face.z_um) / microscope.medium_index
+        )
+        radius = min(face.blur_um, fresnel) + _NEAR * airy
         length = tree.query_ball_point(at, radius, return_length=True)
         crowding[k] = length * face.spacing_um / (2 * radius)
     return Points(at_um=at, away_um=distance, crowding=crowding)

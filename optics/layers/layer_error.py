@@ -2,8 +2,9 @@
 
 Blending errs where the same rays pass near edges of two layers. That is measured here
 on the scene itself, at points where such edges meet, by rays that are displaced by the
-Airy pattern as well. Rays neglect diffraction between one layer and the
-next; a bound of that comes on top.
+Airy pattern as well. Joint occlusion has that in the image. Rays neglect diffraction
+between one layer and the next; a bound of that comes on top, for the light that
+reaches the lower one.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.layer_edges import LayerFace, Points, faces, meeting_points
-from microplan.optics.layers.ray_probes import probe_error, probes
+from microplan.optics.layers.ray_probes import light_shares, probe_error, probes
+from microplan.optics.layers.shaded_view import ShadedView
 from microplan.optics.outline.tolerant_order import at_most, least
 from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
-TREATMENTS = ("blend", "occluded")  # the cheapest first
+TREATMENTS = ("joint", "occluded")  # of looks, the cheapest first
+KNOWN = ("blend", *TREATMENTS)
 # Largest difference between a wave calculation of two straight edges and traced rays,
 # of unit contrast (`benchmarks.optics.layers`); heights in n wavelength / A**2 from
 # focus, distances beyond both blurs in wavelength / A.
@@ -72,12 +75,13 @@ def choose_layers(
     focus_um: Sequence[float],
     limit: float,
     window: Window | None = None,
+    lamp_aperture: float | None = None,
 ) -> LayerChoice:
     """Return the cheapest treatment whose predicted error fits, else the best one.
 
     Parameters
     ----------
-    scene, microscope, window
+    scene, microscope, window, lamp_aperture
         As in `layer_error`.
     focus_um : sequence of float
         World heights in focus that the choice must hold for, at least one.
@@ -97,7 +101,12 @@ def choose_layers(
     for treatment in TREATMENTS:
         errors = [
             layer_error(
-                scene, microscope, focus_um=z, treatment=treatment, window=window
+                scene,
+                microscope,
+                focus_um=z,
+                treatment=treatment,
+                window=window,
+                lamp_aperture=lamp_aperture,
             )
             for z in focus_um
         ]
@@ -122,6 +131,7 @@ def layer_error(
     focus_um: float,
     treatment: str,
     window: Window | None = None,
+    lamp_aperture: float | None = None,
 ) -> float:
     """Return the largest image error that a treatment of layers is predicted to make.
 
@@ -130,11 +140,14 @@ def layer_error(
     focus_um : float
         World height of the plane in focus.
     treatment : str
-        "blend" for `microplan.optics.render.render`, "occluded" for
+        "blend" for `microplan.optics.render.render`, "joint" for
+        `microplan.optics.layers.shading.render_coaxial`, "occluded" for
         `microplan.optics.layers.occlusion.occluded` with its usual settings. There is
         none for layers within a depth of field, which `occluded` hides before it blurs.
     window : Window, optional
         The part of the frame that matters. Default: all.
+    lamp_aperture : float, optional
+        Of coaxial light that the image has shaded. Default: nothing is shaded.
 
     Returns
     -------
@@ -153,9 +166,9 @@ def layer_error(
     edge of one cuts the pupil through which the other is seen. It falls with the root
     of the height of the layer nearer to focus, and with the gap between edges.
     """
-    if treatment not in TREATMENTS:
+    if treatment not in KNOWN:
         raise ValueError(
-            f"treatment must be one of {', '.join(TREATMENTS)}, got {treatment!r}"
+            f"treatment must be one of {', '.join(KNOWN)}, got {treatment!r}"
         )
     if not math.isfinite(focus_um):
         raise ValueError(f"focus_um must be finite, got {focus_um}")
@@ -163,10 +176,35 @@ def layer_error(
     points = meeting_points(found, microscope, window or full(microscope))
     if not len(points.at_um):
         return 0.0
-    rest = diffraction_error(found, points, microscope, traced=treatment != "blend")
-    if treatment != "blend":
+    light = np.ones((len(found), len(points.at_um)))
+    if lamp_aperture is not None:
+        rasters = probes(microscope, found, points.at_um)
+        light = light_shares(rasters, microscope, lamp_aperture, points.at_um, _FIRST)
+    is_traced = treatment == "occluded"
+    rest = diffraction_error(found, points, microscope, traced=is_traced, light=light)
+    blended = _blended(found, treatment, microscope, window)
+    if len(blended) < 2:
         return rounded_up(float(rest.max()))
-    return rounded_up(_blend_error(scene, microscope, found, points.at_um, rest))
+    return rounded_up(_blend_error(scene, microscope, blended, points.at_um, rest))
+
+
+def _blended(
+    found: Sequence[LayerFace],
+    treatment: str,
+    microscope: Microscope,
+    window: Window | None,
+) -> Sequence[LayerFace]:
+    """Return the faces that a treatment blends: of joint occlusion those near focus."""
+    if treatment != "joint":
+        return found if treatment == "blend" else ()
+    view = ShadedView(
+        microscope=microscope,
+        focus_um=0.0,
+        model="exact",
+        frame=window or full(microscope),
+        shift_um=(0.0, 0.0),
+    )
+    return [face for face in found if face.blur_um <= view.near_um]
 
 
 def _blend_error(
@@ -189,7 +227,12 @@ def _blend_error(
 
 
 def diffraction_error(
-    found: Sequence[LayerFace], points: Points, microscope: Microscope, *, traced: bool
+    found: Sequence[LayerFace],
+    points: Points,
+    microscope: Microscope,
+    *,
+    traced: bool,
+    light: FloatArray,
 ) -> FloatArray:
     """Return the diffraction error of traced rays at points near edges.
 
@@ -201,6 +244,8 @@ def diffraction_error(
         Where edges meet.
     traced : bool
         Whether to add what the number of rays and the cells of `occluded` cost.
+    light : (faces, N) float array
+        Share of the light that reaches what a point sees of each face.
 
     Returns
     -------
@@ -224,5 +269,5 @@ def diffraction_error(
         if traced:
             sharp = low.blur_um + high.blur_um < airy
             each += _TRACED + _SHARED * sharp
-        total += low.step * each / (1 + _APART * beyond)
+        total += low.step * light[i] * each / (1 + _APART * beyond)
     return total

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -152,6 +152,50 @@ def probe_error(
         blended += np.mean(tone * covered, axis=1, dtype=np.float64)
     error: FloatArray = np.abs(seen.mean(axis=1, dtype=np.float64) - blended)
     return error
+
+
+def light_shares(
+    rasters: Sequence[Probed],
+    microscope: Microscope,
+    lamp_aperture: float,
+    at_um: FloatArray,
+    count: int,
+) -> FloatArray:
+    """Return the share of coaxial light on faces as points see them, by rays.
+
+    Parameters
+    ----------
+    rasters : sequence of Probed
+        The lowest first.
+    lamp_aperture : float
+        Numerical aperture of the light, below the index.
+    at_um : (N, 2) float array
+        Points in the plane in focus.
+    count : int
+        Rays a point, a power of 2.
+
+    Returns
+    -------
+    (faces, N) float64 array
+        What higher faces leave of the light, mean over what a point sees of each face.
+    """
+    slope, _ = rays(microscope, count)
+    lamp, _ = rays(replace(microscope, aperture=lamp_aperture), count)
+    lamp = lamp[_shuffled(count)]
+    shares = np.ones((len(rasters), len(at_um)))
+    for i, face in enumerate(rasters):
+        free = np.ones((len(at_um), count), dtype=np.bool_)
+        for higher in rasters[i + 1 :]:
+            side = face.z_um * slope + (higher.z_um - face.z_um) * lamp
+            x, y = (at_um[:, [k]] + side[:, k] for k in (0, 1))
+            free &= ~higher.read(x, y, fine=False)[0]
+        shares[i] = free.mean(axis=1)
+    return shares
+
+
+def _shuffled(count: int) -> npt.NDArray[np.intp]:
+    """Return an order of rays that has nothing to do with their own."""
+    return np.random.default_rng(0).permutation(count)
 
 
 @lru_cache(maxsize=8)

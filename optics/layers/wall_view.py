@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,9 +20,13 @@ from microplan.optics.layers.solids.solid_bodies import (
     is_solid,
     solid_bodies,
 )
-from microplan.optics.layers.solids.view_change import mirrored_view, solid_view
+from microplan.optics.layers.solids.view_change import (
+    is_cut,
+    mirrored_view,
+    solid_view,
+)
 from microplan.optics.outline.clip import grown
-from microplan.optics.render.render import Covered
+from microplan.optics.render.render import Covered, cover
 from microplan.optics.render.scene import Layer, Scene
 
 # Walls are traced from points this far apart, but from at most so many a side, and
@@ -86,7 +91,10 @@ def wall_residual(
     args = faces, plane, floor_um - view.focus_um
     coverage = {id(c.layer): c.coverage for c in covered}
     sharp = [(la, coverage[id(la)]) for la, body in found if body.is_sharp]
-    image = _laid(view, solid_view(*args, lattice, m), lattice, sharp)
+    change, seen_below = solid_view(*args, lattice, m)
+    image = _laid(view, change, lattice, sharp)
+    if cut := [layer for layer, body in found if is_cut(body)]:
+        image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
     close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST))
     mirrors = mirrored_view(*args, close, m)
     return image if mirrors is None else image + _laid(view, mirrors, close, sharp)
@@ -102,12 +110,28 @@ def _laid(
     image = view.at_pixels(change.below, lattice)
     pairs = zip(sharp, change.sharp, strict=True)
     for _, group in itertools.groupby(pairs, key=lambda pair: pair[0][0].z_um):
-        own = [(la, cover, light) for (la, cover), light in group]
-        image *= 1 - np.sum([cover for _, cover, _ in own], axis=0)
-        for layer, cover, light in own:
-            sent = layer.reflectance * cover
+        own = [(la, share, light) for (la, share), light in group]
+        image *= 1 - np.sum([share for _, share, _ in own], axis=0)
+        for layer, share, light in own:
+            sent = layer.reflectance * share
             image += sent * view.at_pixels(light, lattice)
     return image + view.at_pixels(change.above, lattice)
+
+
+def _cut(
+    view: ShadedView,
+    through: Sequence[Layer],
+    sharp: Sequence[tuple[Layer, FloatArray]],
+) -> FloatArray:
+    """Return what bodies cover in the plane in focus, (rows, columns), 0..1."""
+    sections = [replace(layer, z_um=view.focus_um) for layer in through]
+    found = cover(
+        sections, view.microscope, focus_um=view.focus_um, model=view.model,
+        window=view.frame, shift_um=view.shift_um,
+    )  # fmt: skip
+    free = 1 - sum((share for _, share in sharp), np.zeros(()))
+    whole = np.sum([each.coverage for each in found], axis=0)
+    return np.asarray(np.clip(whole, 0.0, free))
 
 
 def _table(face: ShadedFace, area: Area) -> LightTable:

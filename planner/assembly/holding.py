@@ -82,7 +82,10 @@ def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
 
 
 def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
-    """Return the state with the part between the jaws, centred and lying flat."""
+    """Return the state with the part between the jaws, centred and lying flat.
+
+    The jaws stop at its outline, wider than what they are sent to.
+    """
     name = owner_of(step.target or "")
     between = between_jaws(task, state, step)
     _check_grasp(task, state, step, report, between)
@@ -107,7 +110,7 @@ def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
     return replace(
         with_part(state, name, held),
         held=name,
-        opening_um=step.opening_um or 0.0,
+        opening_um=max(step.opening_um or 0.0, between.width_um),
         located=lost,
         pinned={k: v for k, v in state.pinned.items() if k != name},
     )

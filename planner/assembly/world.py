@@ -283,6 +283,7 @@ def _optics(task: Task) -> WorldOptics:
         light_gradient=task.workcell.light.gradient,
         lens=_of(WorldLens, lens, lateral_um_per_um=lateral),
         lamp_share=_lamp_share(task),
+        light_kind=task.workcell.light.kind,
     )
 
 

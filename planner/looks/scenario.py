@@ -102,7 +102,7 @@ def build_case(
         lamp_aperture=lamp,
         ring=ring_lamp(task.workcell),
         background_z_um=shown.background_z_um,
-        treatment="blend"
+        treatment="joint"
         if lamp is not None or asks_for_walls(task.workcell)
         else _treatment(imaged, view, spread, max_image_error),
         tolerance_um=request.tolerance_um or scope.um_per_px,
@@ -193,7 +193,7 @@ def _treatment(
         limit=max_image_error,
         window=view.region,
     )
-    return found.treatment if found.keeps_limit else "blend"
+    return found.treatment if found.keeps_limit else "joint"
 
 
 def _focus_range(view: ViewPlan, spread: TrialSpread) -> tuple[float, ...]:

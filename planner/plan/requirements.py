@@ -73,7 +73,9 @@ def requirements(
     looks = [look for step in steps for look in step.looks]
     zooms = [look.view.magnification for look in looks]
     low, _ = task.workcell.optics.magnification
-    openings = [s.opening_um for state in states for s in (state.before, state.after)]
+    # what jaws are sent to: those that hold a part stop at it
+    openings = [s.step.opening_um for s in states if s.step.opening_um is not None]
+    openings += [s.before.opening_um for s in states]
     return p.Requirements(
         width_px=camera.width_px,
         height_px=camera.height_px,

@@ -211,6 +211,7 @@ def _measured(
             focus_um=case.focus_um,
             treatment=case.treatment,
             window=case.window,
+            lamp_aperture=case.lamp_aperture,
         ),
         law_oracle=law.name,
         law_oracle_error=law.error,

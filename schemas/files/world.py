@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from microplan.schemas.plan import AxisMove
 from microplan.schemas.pose import Pose
+
+LightKind = Literal["coaxial", "ring", "dark_field", "transmitted"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,6 +169,7 @@ class WorldOptics:
     light_gradient: float  # relative change across the field
     lens: WorldLens = WorldLens()  # systematic errors
     lamp_share: float = 0.0  # of coaxial light's aperture in the lens'; 0: other light
+    light_kind: LightKind = "coaxial"  # through the lens, from around it or from below
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

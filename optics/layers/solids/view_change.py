@@ -42,8 +42,12 @@ def solid_view(
     plane_um: float,
     lattice: Lattice,
     microscope: Microscope,
-) -> JointResidual:
-    """Return what walls change of an image, on the points of a lattice.
+) -> tuple[JointResidual, FloatArray]:
+    """Return what walls change of an image, and what bodies in the plane in focus cut.
+
+    Both on the points of a lattice. Where the plane in focus lies in a body, the first
+    is continued from beside it: it is smooth then. The second, (rows, columns), is what
+    comes from below all that is sharp to be taken off there.
 
     Parameters
     ----------
@@ -59,9 +63,18 @@ def solid_view(
         _straight(faces, plane, plane_um, rays, soft, walls=walls)
         for walls in (True, False)
     )
+    if through := [face.body for face in faces if is_cut(face.body)]:
+        beside = rays_outside(through, rays)
+        solid[:-1] = _straight(faces, plane, plane_um, beside, soft, walls=True)[:-1]
     below, *sharp, above = (one - other for one, other in zip(solid, flat, strict=True))
     shaped = [each.reshape(lattice.shape) for each in (below, *sharp, above)]
-    return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
+    change = JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
+    return change, solid[0].reshape(lattice.shape)
+
+
+def is_cut(body: ThickBody) -> bool:
+    """Return whether the plane in focus lies in a body, between its faces."""
+    return not body.is_sharp and body.under_um < 0 < body.top_um
 
 
 def mirrored_view(

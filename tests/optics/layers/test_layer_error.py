@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -138,23 +141,45 @@ def test_a_turned_scene_costs_the_same() -> None:
 
 
 def test_the_cheapest_treatment_that_fits_is_taken() -> None:
-    scene, optics = two(-60.0, 60.0), microscope(20.0, 160, 120)
+    scene, optics = two(-0.5, 0.0), microscope(20.0, 160, 120)
     loose = choose_layers(scene, optics, focus_um=(0.0,), limit=0.5)
-    assert (loose.treatment, loose.refused) == ("blend", ())
+    assert (loose.treatment, loose.refused) == ("joint", ())
     assert loose.keeps_limit
-    tight = choose_layers(scene, optics, focus_um=(0.0, 5.0), limit=0.1)
+    tight = choose_layers(scene, optics, focus_um=(0.0, 0.1), limit=0.15)
     assert tight.treatment == "occluded"
     assert tight.keeps_limit
-    assert tight.refused[0].treatment == "blend"
-    assert tight.refused[0].predicted_error > 0.1
+    assert tight.refused[0].treatment == "joint"
+    assert tight.refused[0].predicted_error > 0.15
     none = choose_layers(scene, optics, focus_um=(0.0,), limit=1e-6)
     assert none.treatment == "occluded"
     assert not none.keeps_limit
 
 
+def test_joint_occlusion_blends_what_is_near_focus_alone() -> None:
+    """Far from focus it has what blending lacks; two edges near it, it has not."""
+    assert predicted(two(-1e-6, 0.0), "joint") == predicted(two(-1e-6, 0.0), "blend")
+    far = [predicted(two(-60.0, 60.0), name) for name in ("joint", "blend", "occluded")]
+    assert far[0] < min(far[1:])
+
+
+def test_a_shaded_face_costs_its_share_of_the_light() -> None:
+    """A pin at the bottom of a bore gets the share that the bore leaves of the lamp."""
+    optics, outer = microscope(20.0, 160, 120), rectangle(-90, -90, 90, 90)
+    bore = disc(25.0).rings[0].reversed()
+    pin = Layer(name="pin", outline=disc(5.0), z_um=0.0, reflectance=1.0)
+    plate = Layer(name="plate", outline=replace(outer, rings=(*outer.rings, bore)),
+                  z_um=100.0, reflectance=0.0)  # fmt: skip
+    scene = Scene(layers=(pin, plate), background=0.0)
+    ask = partial(layer_error, scene, optics, focus_um=0.0, treatment="joint")
+    even, lit = ask(), ask(lamp_aperture=0.42)
+    share = (np.sin(np.arctan(25 / 100)) / 0.42) ** 2
+    # on the axis; the pin's rim and 128 rays change it by some hundredths
+    assert lit / even == pytest.approx(share, abs=0.06)
+
+
 def test_wrong_calls_are_refused() -> None:
     optics, scene = microscope(), two(0.0, 9.0)
-    with pytest.raises(ValueError, match="blend, occluded, got 'merge'"):
+    with pytest.raises(ValueError, match="blend, joint, occluded, got 'merge'"):
         layer_error(scene, optics, focus_um=0.0, treatment="merge")
     with pytest.raises(ValueError, match="finite, got nan"):
         layer_error(scene, optics, focus_um=float("nan"), treatment="blend")

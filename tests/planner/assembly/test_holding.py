@@ -9,8 +9,9 @@ import pytest
 from scipy import stats
 
 from microplan.planner.assembly import holding
-from microplan.planner.assembly.assembly import Axis4, State, initial, with_part
+from microplan.planner.assembly.assembly import Axis4, State, bodies, initial, with_part
 from microplan.planner.assembly.holding import between_jaws, grasp
+from microplan.planner.assembly.shapes import CHORD_UM, polygon
 from microplan.planner.budget.budget import grasp_budget
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
@@ -85,6 +86,23 @@ def test_jaws_that_may_turn_a_part_either_way_are_refused_if_its_angle_is_needed
         asked = replace(task, workcell=cell, steps=known)
         grasp(asked, state, grasp_step(task), report)
         assert ("MP310" in [found.code for found in report.found]) == told
+
+
+@pytest.mark.parametrize("tool_rad", [0.0, 0.7])
+@pytest.mark.parametrize("turn_deg", [3.0, 17.0])
+def test_jaws_stop_at_the_outline_of_the_part_that_they_hold(
+    task: Task, turn_deg: float, tool_rad: float
+) -> None:
+    """They are sent to 96 um, and the gear is wider: they touch it, and no more."""
+    state = standing(task, 4.0, math.radians(turn_deg), tool_rad=tool_rad)
+    held = grasp(task, state, grasp_step(task), Report())
+    shapes = {body.name: polygon(body.outline) for body in bodies(task, held)}
+    gear = shapes["gear"]
+    for side in ("left", "right"):
+        finger = shapes[f"tweezers.{side}"]
+        assert gear.distance(finger) < CHORD_UM
+        assert gear.intersection(finger).area < 1e-3
+    assert held.opening_um > 96
 
 
 @pytest.mark.parametrize("x_um", [0.0, 8.0, -12.0])

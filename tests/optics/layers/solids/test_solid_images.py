@@ -54,12 +54,14 @@ def pixels(radii_um: tuple[float, ...]) -> list[tuple[int, int]]:
     ]
 
 
-def traced(scene: Scene, at: list[tuple[int, int]], focus_um: float) -> FloatArray:
+def traced(
+    scene: Scene, at: list[tuple[int, int]], focus_um: float, floor_um: float = 0.0
+) -> FloatArray:
     """Return what rays one by one see at pixels' centres."""
     x, y = pixel_axes_um(OPTICS, WINDOW, (0.0, 0.0))
     points = np.array([(x[0] + x[1] * c, y[0] + y[1] * r) for r, c in at])
     return seen(
-        [prism(layer) for layer in scene.layers], (FLOOR, 0.0), points,
+        [prism(layer) for layer in scene.layers], (FLOOR, floor_um), points,
         aperture=OPTICS.aperture, lamp=LAMP, focus_um=focus_um, rays=RAYS,
         rng=np.random.default_rng(5),
     )  # fmt: skip
@@ -86,6 +88,23 @@ def test_walls_hide_and_mirror_as_rays_one_by_one_find(
     change = (image(solid, 100.0) - image(flat, 100.0))[rows, columns]
     assert np.sqrt(np.mean((change - truth) ** 2)) < rms
     assert np.sqrt(np.mean(truth**2)) > 0.03
+
+
+def test_a_black_wall_through_the_plane_in_focus_is_sharp_there() -> None:
+    """A jaw 200 um high beside a plate in focus: nothing of its inside leaks out."""
+    plate = Layer(name="plate", outline=rectangle(-20, -200, 200, 200), z_um=100.0,
+                  reflectance=0.8, underside_um=0.0)  # fmt: skip
+    jaw = Layer(name="jaw", outline=rectangle(-300, -300, -20, 300), z_um=240.0,
+                reflectance=0.7, underside_um=40.0)  # fmt: skip
+    solid = Scene(layers=(plate, jaw), background=FLOOR, background_z_um=-260.0)
+    faces = tuple(replace(la, underside_um=None) for la in solid.layers)
+    flat = replace(solid, layers=faces)
+    x = (np.arange(WINDOW.columns) - 43.5) * OPTICS.um_per_px
+    near = np.flatnonzero(np.abs(x + 20) < 7)
+    at = [(44, int(column)) for column in near]
+    truth = traced(solid, at, 100.0, -260.0) - traced(flat, at, 100.0, -260.0)
+    change = (image(solid, 100.0) - image(flat, 100.0))[44, near]
+    np.testing.assert_allclose(change, truth, atol=0.0065)  # of `RAYS`
 
 
 def test_a_perfect_mirror_wall_takes_no_light_from_an_even_floor() -> None:

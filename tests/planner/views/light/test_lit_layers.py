@@ -142,7 +142,7 @@ def test_a_look_in_a_ring_has_its_lamp_and_trials_draw_its_lines(
     view = views(ringed, request, 6.9, Report())[0]
     case, _ = build_case(ringed, request, view, 0.05)
     assert case.ring is not None
-    assert case.treatment == "blend"
+    assert case.treatment == "joint"
     drawn = [trial.line for trial in design(case, 200, 1)]
     assert 0 <= min(drawn) < 0.05
     assert 0.95 < max(drawn) <= 1
