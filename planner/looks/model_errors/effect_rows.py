@@ -57,6 +57,7 @@ def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
             focus_um=case.focus_um,
             treatment=treatment,
             window=case.window,
+            lamp_aperture=case.lamp_aperture,
         )
         for treatment in TREATMENTS
     }
