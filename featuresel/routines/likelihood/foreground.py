@@ -18,6 +18,9 @@ from microplan.featuresel.routines.likelihood.spline import basis
 
 _FAINTEST = 0.5  # of what noise makes of it in all pixels: less moves no answer as far
 _OCCLUDER_MODES_MOST = 8
+# Power by which changes of surfaces fade far off: half as far again 6e-5 is left, for
+# a fit makes use of the faintest.
+_FADING = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +135,8 @@ class Front:
             displaced = occluder_modes.reshape(
                 len(occluder_modes), self.light[0].size
             ).take(cells, axis=1)
+            if self.mode_moved is not None:
+                displaced[-self.surfaces :] *= np.float32(self._known(pose))
             shown = value @ near + front.core * core
             if front.occluder_modes:
                 shown += np.array(front.occluder_modes, np.float32) @ displaced
@@ -145,6 +150,7 @@ class Front:
             near = moved.take(cells, axis=2)
             off = np.subtract((pose.column, pose.row), self.place_px)
             more = np.tensordot(np.clip(off, -self.far_px, self.far_px), near, (0, 1))
+            near, more = self._known(pose) * near, self._known(pose) * more
             slopes[0][-len(more) :] += more
             if front.occluder_modes:
                 amounts = np.array(front.occluder_modes[-len(more) :])
@@ -157,6 +163,14 @@ class Front:
             through_slopes=slopes[1],
             by_place=by_place,
         )
+
+    def _known(self, pose: ImagePose) -> float:
+        """Return the share of surfaces' changes that is believed at a place, 0..1.
+
+        Far from where they were made a fit must not make use of them.
+        """
+        off = np.subtract((pose.column, pose.row), self.place_px)
+        return float(min(1.0, self.far_px / max(np.hypot(*off), 1e-9)) ** _FADING)
 
     def plain(
         self, pose: ImagePose, columns: IntArray, rows: IntArray

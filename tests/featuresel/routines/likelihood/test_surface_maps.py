@@ -145,6 +145,8 @@ def test_slopes_by_amounts_and_place_are_differences() -> None:
         np.testing.assert_allclose(
             there.light - here.light, here.by_place[k], atol=1e-5
         )
-    far = front.at(replace(pose, column=8.0), columns, rows)
-    farther = front.at(replace(pose, column=9.0), columns, rows)
-    np.testing.assert_array_equal(far.light, farther.light)
+    # twice as far as is known nothing is left of surfaces
+    gone = front.at(replace(pose, column=11.0), columns, rows)
+    none = replace(pose.occluder_blur, occluder_modes=(0.3, 0.0, 0.0))
+    plain = front.at(replace(pose, front=none), columns, rows)
+    np.testing.assert_allclose(gone.light, plain.light, atol=1e-6)
