@@ -17,6 +17,7 @@ from microplan.featuresel.look.scenario import (
     render_look,
 )
 from microplan.featuresel.look.static_layers import fresh, standing, usual_range
+from microplan.featuresel.look.surface_changes import surface_changes
 from microplan.featuresel.look.templates import template
 from microplan.featuresel.routines.contract import (
     Blur,
@@ -24,6 +25,7 @@ from microplan.featuresel.routines.contract import (
     Nuisances,
     OccluderMode,
     Occluders,
+    SurfaceChange,
 )
 from microplan.optics.render.scene import Illumination
 
@@ -155,6 +157,10 @@ class NominalRender:
             )
             for there, root in found
         )
+
+    def surface_changes(self) -> tuple[SurfaceChange, ...]:
+        """Return the changes by surfaces that are not known: see `surface_changes`."""
+        return surface_changes(self.case, nominal_render)
 
     def _picture(
         self,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.unknown_surfaces import UnknownSurface
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.layers.coaxial_light import Irradiance
@@ -128,6 +129,8 @@ class LookCase:
     spread: TrialSpread  # what is tried: corners, usable ranges, what routines allow
     # the workcell's own, which sigma and bias are promised for; None: the same
     stated: TrialSpread | None = None
+    # walls and faces by a thick body near the line of sight; trials take none of them
+    surfaces: tuple[UnknownSurface, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.tolerance_um > 0:

@@ -164,6 +164,19 @@ class OccluderMode:
     through: FloatArray  # (rows, columns) change of the share let through
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceChange:
+    """What walls or faces of bodies may change of the image, target displaced.
+
+    Its amount is between none and all of it.
+    """
+
+    places_um: tuple[tuple[float, float], ...]  # displacements of the target, N
+    shown: FloatArray  # (N, rows, columns) change of the image
+    is_still: bool = False  # it stays with the bodies beside the target
+    body_sigma_um: float = 0.0  # standard deviation of their position
+
+
 class LookModel(Protocol):
     """All that a routine may ask of the look it is prepared for."""
 
@@ -228,6 +241,10 @@ class LookModel(Protocol):
 
     def occluder_modes(self) -> Sequence[OccluderMode]:
         """Return the image changes by likely displacements of the static scene."""
+        ...
+
+    def surface_changes(self) -> Sequence[SurfaceChange]:
+        """Return the image changes by walls and faces that are not known."""
         ...
 
 

@@ -19,7 +19,12 @@ from microplan.optics.outline.tolerant_order import above
 from microplan.optics.render.fidelity import Fidelity, choose
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
-from microplan.planner.assembly.assembly import Place, height_sigma_um, locate_place
+from microplan.planner.assembly.assembly import (
+    Place,
+    bodies,
+    height_sigma_um,
+    locate_place,
+)
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
@@ -31,14 +36,11 @@ from microplan.planner.views.light.lit_layers import (
     ring_lamp,
     stage_level,
 )
+from microplan.planner.views.light.unknown_walls import unknown_surfaces
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
 from microplan.planner.views.scenes import relevant, world_scene
 from microplan.planner.views.target_views import needed_shape, search_um, target_pose
-from microplan.planner.views.targets import (
-    TargetShape,
-    target_edges,
-    target_layers,
-)
+from microplan.planner.views.targets import TargetShape, target_edges, target_layers
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 
 MOST_TOGETHER = 4  # features that one look measures
@@ -110,7 +112,8 @@ def build_case(
         spread=spread,
         stated=_stated(task, request, spot, spread),
     )
-    return case, fidelity
+    surfaces = unknown_surfaces(case, bodies(task, request.state))
+    return replace(case, surfaces=surfaces), fidelity
 
 
 def feature_case(
@@ -217,9 +220,9 @@ def _layers(
     seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
     own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
     static = tuple(layer for layer in seen if layer.name not in own)
-    bodies = {layer.name: layer for layer in seen}
+    known = {layer.name: layer for layer in seen}
     moving = tuple(
-        replace(bodies[layer.name], outline=layer.outline)
+        replace(known[layer.name], outline=layer.outline)
         for layer in target_layers(task, request.state, shape)
         if layer.name in own
     )

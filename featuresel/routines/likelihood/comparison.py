@@ -188,6 +188,7 @@ def see(
     if job.front is not None:
         front = job.front.at(here, columns, rows)
         slopes[:5] *= front.through
+        slopes[:2] += front.by_place
         slopes[5:] = front.light_slopes + front.through_slopes * mean
         mean = front.light + front.through * mean
     if job.joint is not None:

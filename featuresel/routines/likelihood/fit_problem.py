@@ -34,6 +34,7 @@ from microplan.featuresel.routines.likelihood.joint_blur import (
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
 from microplan.featuresel.routines.likelihood.pose_start import farthest_rad
 from microplan.featuresel.routines.likelihood.spline import runout_coefficients
+from microplan.featuresel.routines.likelihood.surface_maps import surface_maps
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
@@ -82,8 +83,19 @@ def prepare_job(
         for name, values in maps.items():
             arrays[name] = runout_coefficients(values).astype(np.float32)
         modes = mode_maps(model, image)
-        arrays["front_sway_light"] = modes.light.astype(np.float32)
-        arrays["front_sway_through"] = modes.through.astype(np.float32)
+        light, through = modes.light, modes.through
+        surfaces = surface_maps(model, target, image)
+        if surfaces is not None:
+            light = np.concatenate((light, surfaces.light))
+            through = np.concatenate((through, surfaces.through))
+            arrays["front_surface_moved"] = surfaces.moved.astype(np.float32)
+            numbers |= {
+                "front_column": target.column,
+                "front_row": target.row,
+                "front_far_px": surfaces.far_px,
+            }
+        arrays["front_sway_light"] = light.astype(np.float32)
+        arrays["front_sway_through"] = through.astype(np.float32)
         joint = joint_artifact(front, target)
         if joint is not None and not (turns and target.theta_range_rad > MOST_TURN_RAD):
             arrays |= joint.arrays
@@ -129,6 +141,9 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             axis_px=(p["axis_column"], p["axis_row"]),
             mode_light=arrays["front_sway_light"],
             mode_through=arrays["front_sway_through"],
+            mode_moved=arrays.get("front_surface_moved"),
+            place_px=(p.get("front_column", 0.0), p.get("front_row", 0.0)),
+            far_px=p.get("front_far_px", 0.0),
         )
         sigmas = (
             p["front_focus_sigma_um"],

@@ -18,6 +18,9 @@ from microplan.featuresel.routines.likelihood.spline import basis
 
 _FAINTEST = 0.5  # of what noise makes of it in all pixels: less moves no answer as far
 _OCCLUDER_MODES_MOST = 8
+# Power by which changes of surfaces fade far off: half as far again 6e-5 is left, for
+# a fit makes use of the faintest.
+_FADING = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +91,7 @@ class Veiled:
     through: FloatArray  # (N,)
     light_slopes: FloatArray  # (2 + S, N) by the numbers of a `OccluderBlur`
     through_slopes: FloatArray  # (2 + S, N)
+    by_place: FloatArray  # (2, N) light by the target's place, per px
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +110,11 @@ class Front:
     # move them
     mode_light: Float32Array
     mode_through: Float32Array
+    # (M, 2, rows, columns) what the target's place, px right and down from nominal,
+    # changes the light of the last M modes by: these are of surfaces
+    mode_moved: Float32Array | None = None
+    place_px: tuple[float, float] = (0.0, 0.0)  # column and row that is nominal
+    far_px: float = 0.0  # beyond such a displacement the change is that of it
 
     def at(self, pose: ImagePose, columns: IntArray, rows: IntArray) -> Veiled:
         """Return what pixels show, (N,), as the pose has it in front.
@@ -126,6 +135,8 @@ class Front:
             displaced = occluder_modes.reshape(
                 len(occluder_modes), self.light[0].size
             ).take(cells, axis=1)
+            if self.mode_moved is not None:
+                displaced[-self.surfaces :] *= np.float32(self._known(pose))
             shown = value @ near + front.core * core
             if front.occluder_modes:
                 shown += np.array(front.occluder_modes, np.float32) @ displaced
@@ -133,12 +144,33 @@ class Front:
             slopes.append(
                 np.concatenate((np.stack((by_focus @ near, core)), displaced))
             )
+        by_place = np.zeros((2, len(cells)))
+        if self.mode_moved is not None:
+            moved = self.mode_moved.reshape(*self.mode_moved.shape[:2], -1)
+            near = moved.take(cells, axis=2)
+            off = np.subtract((pose.column, pose.row), self.place_px)
+            more = np.tensordot(np.clip(off, -self.far_px, self.far_px), near, (0, 1))
+            near, more = self._known(pose) * near, self._known(pose) * more
+            slopes[0][-len(more) :] += more
+            if front.occluder_modes:
+                amounts = np.array(front.occluder_modes[-len(more) :])
+                seen[0] = seen[0] + amounts @ more
+                by_place = np.tensordot(amounts, near, 1)
         return Veiled(
             light=seen[0],
             through=seen[1],
             light_slopes=slopes[0],
             through_slopes=slopes[1],
+            by_place=by_place,
         )
+
+    def _known(self, pose: ImagePose) -> float:
+        """Return the share of surfaces' changes that is believed at a place, 0..1.
+
+        Far from where they were made a fit must not make use of them.
+        """
+        off = np.subtract((pose.column, pose.row), self.place_px)
+        return float(min(1.0, self.far_px / max(np.hypot(*off), 1e-9)) ** _FADING)
 
     def plain(
         self, pose: ImagePose, columns: IntArray, rows: IntArray
@@ -153,10 +185,15 @@ class Front:
         return light, through
 
     @property
+    def surfaces(self) -> int:
+        """Return how many of the modes are of surfaces, the last ones."""
+        return 0 if self.mode_moved is None else len(self.mode_moved)
+
+    @property
     def planned(self) -> Front:
         """Return the same in its planned place, without occluder modes."""
         none = self.mode_light[:0]
-        return replace(self, mode_light=none, mode_through=none)
+        return replace(self, mode_light=none, mode_through=none, mode_moved=None)
 
     def _heights(self, focus_um: float) -> tuple[slice, FloatArray]:
         """Return four coefficients and their weights, (2, 4): of value and slope."""

@@ -37,6 +37,7 @@ from microplan.featuresel.routines.likelihood.pose_fit import (
     PoseFit,
     fit_pose,
     step_once,
+    surfaces_first,
 )
 from microplan.featuresel.routines.likelihood.pose_start import (
     equal_turns,
@@ -86,7 +87,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 LIKELIHOOD = Routine(
     name="likelihood",
-    version="6",
+    version="7",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -130,7 +131,7 @@ def step_cost(artifact: Artifact, _pixels: int) -> float:
 
 ONE_STEP = Routine(
     name="one_step",
-    version="5",
+    version="6",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -150,7 +151,7 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     there the fit of both may not come back. It settles where both together do not; one
     that settles is not doubted here but by `answer`.
     """
-    found = fit_pose(job, start)
+    found = fit_pose(job, surfaces_first(job, start))
     if isinstance(found, PoseFit) or job.front is None:
         return found
     near = fit_pose(job.held, start)

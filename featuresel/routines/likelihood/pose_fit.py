@@ -34,6 +34,7 @@ _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the p
 _FULL = 0.99  # of full scale, where the camera may have clipped
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
 _MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
+_SURFACE_ROUNDS = 2  # amounts and light multiply each other
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
@@ -107,6 +108,29 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
             return linear.after(move).result(job, pose, light)
         shorter = max(length, 1e-300)
     return Failure("diverged", f"not settled after {_ROUNDS} rounds")
+
+
+def surfaces_first(job: ImageComparison, start: ImagePose) -> ImagePose:
+    """Return a start with what surfaces not known change of the image, if they do.
+
+    The pose stays: with black walls a target is so much darker than planned that the
+    first steps of the pose would be far too long.
+    """
+    count = 0 if job.front is None else job.front.surfaces
+    if count == 0:
+        return start
+    pose, light, chosen = start, None, pixels_of(job, start)
+    pick = np.arange(job.free.numbers - count, job.free.numbers + 3)
+    for _ in range(_SURFACE_ROUNDS):
+        linear = _linear(job, pose, light, chosen)
+        if isinstance(linear, Failure):
+            return start
+        move = np.zeros(job.free.numbers + 3)
+        pick = pick[job.free.chosen[pick]]
+        move[pick] = np.linalg.solve(linear.normal[np.ix_(pick, pick)],
+                                     linear.right[pick])  # fmt: skip
+        pose, light = _after(job, pose, move), linear.light + move[-3:]
+    return pose
 
 
 def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:

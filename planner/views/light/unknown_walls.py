@@ -1,0 +1,84 @@
+"""Surfaces of bodies that are not known, where a thick one is by the line of sight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from microplan.featuresel.features.feature import contour_px
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.unknown_surfaces import UnknownSurface
+from microplan.optics.light.transmitted import is_clear
+from microplan.planner.assembly.assembly import Body
+
+Box = tuple[float, float, float, float]  # least and greatest x and y, um
+
+
+def unknown_surfaces(
+    case: LookCase, bodies: Sequence[Body]
+) -> tuple[UnknownSurface, ...]:
+    """Return what walls and faces in a look may reflect; none where walls hardly count.
+
+    They count where rays from the target's edges to the lens, or from the lens past
+    them, meet another body of some thickness. Light from below or aside is left out:
+    there walls are part of every image.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    bodies : sequence of Body
+        All that is in the world.
+    """
+    layers = (*case.static, *case.moving)
+    if case.ring is not None or is_clear(layers) or case.treatment != "blend":
+        return ()
+    made = {
+        name: body
+        for body in bodies
+        for name in (body.name, *(mark for mark, *_ in body.marks))
+    }
+    own = case.target.name.partition(".")[0]
+    others = {la.name for la in case.static if la.name.partition(".")[0] != own}
+    if not any(_is_by(case, made[name]) for name in others if name in made):
+        return ()
+    return tuple(
+        _surface(made[layer.name], layer.name, layer.z_um)
+        for layer in layers
+        if layer.name in made
+    )
+
+
+def _surface(body: Body, layer: str, z_um: float) -> UnknownSurface:
+    return UnknownSurface(
+        layer=layer,
+        underside_um=body.z_low_um if body.z_low_um < z_um else None,
+        wall=body.surface.wall,
+        finish=body.surface.finish,
+    )
+
+
+def _is_by(case: LookCase, body: Body) -> bool:
+    """Return whether rays through the target's edges in focus meet a thick body."""
+    scope = case.microscope
+    if body.z_high_um - body.z_low_um <= scope.wave_depth_um:
+        return False
+    ends = (body.z_low_um - case.focus_um, body.z_high_um - case.focus_um)
+    reach_um = max(scope.blur_diameter_um(end) for end in ends) / 2
+    left, right, low, high = _target_box(case)
+    x0, y0, x1, y1 = body.outline.bounds_um
+    return (
+        x0 - reach_um <= right
+        and left <= x1 + reach_um
+        and y0 - reach_um <= high
+        and low <= y1 + reach_um
+    )
+
+
+def _target_box(case: LookCase) -> Box:
+    """Return the box about the target's edges, in the world."""
+    if not case.target.contour:
+        return (case.x_um, case.x_um, case.y_um, case.y_um)
+    column, row = contour_px(case.target)
+    frame = case.frame
+    x, y = zip(*map(frame.to_world, column.tolist(), row.tolist()), strict=True)
+    return (min(x), max(x), min(y), max(y))
