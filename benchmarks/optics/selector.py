@@ -21,10 +21,10 @@ from benchmarks.figures import Benchmark, Figure, Options
 from microplan.arrays import FloatArray
 from microplan.optics.layers.layer_error import choose_layers
 from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.outline.warp import scaled
 from microplan.optics.render.fidelity import Fidelity, choose
-from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
@@ -130,7 +130,7 @@ def judge(index: int) -> Found:
     truth = exact_reference(_sight(case), _MARGIN)
     return Found(
         predicted=fidelity.predicted_error,
-        true=float(np.abs(_blended(case, fidelity) - truth.images[0]).max()),
+        true=float(np.abs(_joint(case, fidelity) - truth.images[0]).max()),
         unsure=truth.error,
     )
 
@@ -146,8 +146,8 @@ def judge_layers(index: int) -> Found | None:
         return None
     sight = _sight(case)
     truth = traced_reference(sight, exact_reference(sight, _MARGIN), _MARGIN)
-    image = _blended(case, fidelity)
-    if layering.treatment != "blend":
+    image = _joint(case, fidelity)
+    if layering.treatment == "occluded":
         image = occluded(
             case.scene, case.microscope, focus_um=0.0, model=fidelity.model
         )
@@ -158,11 +158,12 @@ def judge_layers(index: int) -> Found | None:
     )
 
 
-def _blended(case: Case, fidelity: Fidelity) -> FloatArray:
-    return render(
+def _joint(case: Case, fidelity: Fidelity) -> FloatArray:
+    return render_coaxial(
         case.scene,
         case.microscope,
         focus_um=0.0,
+        lamp_aperture=None,
         model=fidelity.model,
         sampling=fidelity.sampling,
     )

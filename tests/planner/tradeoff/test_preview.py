@@ -60,7 +60,7 @@ class Recorder:
         """Return `function` of each item; keep the case it holds and the trials."""
         chunks: Sequence[A] = list(items)
         for chunk in chunks:
-            if isinstance(chunk, tuple) and isinstance(chunk[0].trial, Trial):
+            if isinstance(chunk, tuple) and hasattr(chunk[0], "trial"):
                 self.case = function.args[0]  # type: ignore[attr-defined]  # a partial
                 self.trials += [each.trial for each in chunk]
         return map(function, chunks)
