@@ -25,6 +25,7 @@ from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.outline.warp import scaled
 from microplan.optics.render.fidelity import Fidelity, choose
+from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
@@ -130,7 +131,7 @@ def judge(index: int) -> Found:
     truth = exact_reference(_sight(case), _MARGIN)
     return Found(
         predicted=fidelity.predicted_error,
-        true=float(np.abs(_joint(case, fidelity) - truth.images[0]).max()),
+        true=float(np.abs(_blended(case, fidelity) - truth.images[0]).max()),
         unsure=truth.error,
     )
 
@@ -155,6 +156,16 @@ def judge_layers(index: int) -> Found | None:
         predicted=fidelity.predicted_error + layering.predicted_error,
         true=float(np.abs(image - truth.images[0]).max()),
         unsure=truth.error,
+    )
+
+
+def _blended(case: Case, fidelity: Fidelity) -> FloatArray:
+    return render(
+        case.scene,
+        case.microscope,
+        focus_um=0.0,
+        model=fidelity.model,
+        sampling=fidelity.sampling,
     )
 
 
