@@ -30,7 +30,7 @@ def unknown_surfaces(
         All that is in the world.
     """
     layers = (*case.static, *case.moving)
-    if case.ring is not None or is_clear(layers) or case.treatment != "blend":
+    if case.ring is not None or is_clear(layers) or case.treatment == "occluded":
         return ()
     made = {
         name: body
