@@ -22,28 +22,31 @@ BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the ti
 def close_jaws(truth: Truth, opening_um: float) -> None:
     """Close the jaws; a part between them is centred, rotated and held.
 
-    They stop at it. A part that sticks to one finger comes along with that.
+    They stop at it. A part that sticks to one finger comes along with that, until both
+    hold it.
     """
     held, before = truth.bodies.get(truth.held), truth.opening_um
     if held is None:
         _grasp(truth, opening_um)
     truth.opening_um = stopped_um(truth, opening_um)
     if held is not None and truth.stuck:
-        side = math.copysign(1.0, sum(extent_x(held.edge, held.pose.theta_rad)) / 2
-                             + held.pose.x_um)  # fmt: skip
-        _shift(held, side * (truth.opening_um - before) / 2)
+        _shift(held, _finger_side(held) * (truth.opening_um - before) / 2)
+        truth.stuck = truth.opening_um <= opening_um
 
 
 def stopped_um(truth: Truth, opening_um: float) -> float:
     """Return where jaws stop that go to an opening: no nearer than a part is wide.
 
-    Of the parts between them, as they were made and as they stand to the jaws.
+    Of the parts between them, as they were made and as they stand to the jaws; what is
+    held is between them even if it touches one at their widest.
     """
     if truth.tool is None:
         return opening_um
     widest, grip = truth.tool.opening_um[1], truth.grip_pose().inverse()
-    for body in truth.bodies.values():
-        if not body.posts and _between(truth, body, widest):
+    for name, body in truth.bodies.items():
+        if body.posts:
+            continue
+        if name == truth.held or _between(truth, body, widest):
             theta_rad = grip.compose(truth.pose(body)).theta_rad
             low, high = extent_x(body.edge, theta_rad)
             opening_um = max(opening_um, high - low)
@@ -69,18 +72,28 @@ def _grasp(truth: Truth, opening_um: float) -> None:
 
 
 def open_jaws(truth: Truth, opening_um: float, *, stick_side: float = 0.0) -> None:
-    """Open the jaws; the part stays, or follows the finger on `stick_side` (+-1)."""
+    """Open the jaws; the part stays, or follows the finger on `stick_side` (+-1).
+
+    One that sticks already goes on with its own finger.
+    """
     body, before = truth.bodies.get(truth.held), truth.opening_um
     truth.opening_um = opening_um if body is None else stopped_um(truth, opening_um)
     if body is None or truth.opening_um > opening_um:
         return  # empty, or still squeezed
     if stick_side:
-        _shift(body, stick_side * (opening_um - before) / 2)
+        side = _finger_side(body) if truth.stuck else stick_side
+        _shift(body, side * (opening_um - before) / 2)
         truth.stuck = True
         lean(truth, body)
         return
     truth.held = ""
     drop(truth, body)
+
+
+def _finger_side(body: TrueBody) -> float:
+    """Return the side of the finger that a held part is nearer to, +-1."""
+    low, high = extent_x(body.edge, body.pose.theta_rad)
+    return math.copysign(1.0, (low + high) / 2 + body.pose.x_um)
 
 
 def _shift(body: TrueBody, by_um: float) -> None:

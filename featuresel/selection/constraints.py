@@ -86,6 +86,7 @@ class Constraints:
     in_set: bool = False  # one of several features: one direction will do
     # why chains do not pass whatever their trials say: not judged by scores
     rejected: Mapping[Chain, str] = field(default_factory=dict)
+    kept: Chain | None = None  # that is chosen if it passes, whatever costs less
 
     def __post_init__(self) -> None:
         theta = 1.0 if self.tolerance_theta_rad is None else self.tolerance_theta_rad

@@ -51,10 +51,14 @@ class RoutineComparison:
         *,
         in_set: bool = False,
         rejected: Mapping[Chain, str] | None = None,
+        kept: Chain | None = None,
     ) -> RoutineComparison:
         """Return it with the choice by other tolerances, on the trials that it has."""
         task = replace(
-            _task(case, Limits(), self.visible), in_set=in_set, rejected=rejected or {}
+            _task(case, Limits(), self.visible),
+            in_set=in_set,
+            rejected=rejected or {},
+            kept=kept,
         )
         return replace(self, selection=select(self.scores, task))
 

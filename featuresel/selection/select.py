@@ -43,7 +43,7 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     more than `limits.cost`. Of those the cheapest that uses at most
     `limits.margin_share` of each tolerance is taken, the first by name among equals.
     Where none leaves that much, it is the cheapest, unless a more expensive one is
-    `task.limits.better` times more accurate.
+    `task.limits.better` times more accurate. One that is `task.kept` is taken before.
     Numbers within the margin of `microplan.optics.outline.tolerant_order` are equal.
     The fallback is taken alike from the passing chains of the greatest `independence`
     of the chosen one.
@@ -64,7 +64,8 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
         raise ValueError("there must be at least one score")
     faults = {score.chain: task.fault(score) for score in scores}
     passing = [score for score in scores if not faults[score.chain]]
-    chosen = _best(passing, task)
+    kept = [score for score in passing if score.chain == task.kept]
+    chosen = _best(kept or passing, task)
     fallback = _fallback(passing, chosen, task)
     reliable = [score for score in scores if not task.unreliable(score)]
     return Selection(

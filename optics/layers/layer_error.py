@@ -178,7 +178,7 @@ def layer_error(
         return 0.0
     light = np.ones((len(found), len(points.at_um)))
     if lamp_aperture is not None:
-        rasters = probes(microscope, found, points.at_um)
+        rasters = probes(microscope, found, points.at_um, are_lit=True)
         light = light_shares(rasters, microscope, lamp_aperture, points.at_um, _FIRST)
     is_traced = treatment == "occluded"
     rest = diffraction_error(found, points, microscope, traced=is_traced, light=light)

@@ -75,15 +75,23 @@ class Probed:
 
 
 def probes(
-    microscope: Microscope, found: Sequence[LayerFace], at_um: FloatArray
+    microscope: Microscope,
+    found: Sequence[LayerFace],
+    at_um: FloatArray,
+    *,
+    are_lit: bool = False,
 ) -> list[Probed]:
-    """Return rasters of faces wherever rays through points (N, 2) may meet them."""
+    """Return rasters of faces wherever rays through points (N, 2) may meet them.
+
+    Those of light too, if `are_lit`: aside as far as one face is met, and from there.
+    """
     airy = microscope.wavelength_um / microscope.aperture
     x, y = at_um.T
     box = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
-    return [
-        _raster(face, airy, grown(box, face.blur_um + _AROUND * airy)) for face in found
-    ]
+    more_um = _AROUND * airy
+    if are_lit:  # down to a face and up again, to another one by its own blur
+        more_um += 2 * max(face.blur_um for face in found)
+    return [_raster(face, airy, grown(box, face.blur_um + more_um)) for face in found]
 
 
 def _raster(face: LayerFace, airy: float, box: Box) -> Probed:
@@ -166,9 +174,9 @@ def light_shares(
     Parameters
     ----------
     rasters : sequence of Probed
-        The lowest first.
+        The lowest first, as far as they are lit.
     lamp_aperture : float
-        Numerical aperture of the light, below the index.
+        Numerical aperture of the light, at most that of the lens.
     at_um : (N, 2) float array
         Points in the plane in focus.
     count : int
@@ -177,7 +185,8 @@ def light_shares(
     Returns
     -------
     (faces, N) float64 array
-        What higher faces leave of the light, mean over what a point sees of each face.
+        What higher faces leave of the light, mean over where a point's rays meet each
+        face, hidden or not.
     """
     slope, _ = rays(microscope, count)
     lamp, _ = rays(replace(microscope, aperture=lamp_aperture), count)

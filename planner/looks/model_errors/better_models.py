@@ -14,6 +14,7 @@ from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.otf import diffraction
 from microplan.planner.assembly.assembly import Body
+from microplan.planner.views.light.unknown_walls import by_layer
 
 LAYERS, SHADE = "layers of different height", "shade of higher bodies"
 LAW, BAND = "defocus law", "band and tile"
@@ -179,15 +180,6 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         by="faces that are dull, and that are mirrors",
         ends=_ends(case, lambda layer, end: _polished(layer, made, end)),
     )
-
-
-def by_layer(bodies: Sequence[Body]) -> Mapping[str, Body]:
-    """Return the body of each layer by its name, that of a mark is what it lies on."""
-    return {
-        name: body
-        for body in bodies
-        for name in (body.name, *(mark for mark, *_ in body.marks))
-    }
 
 
 def _solid(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:

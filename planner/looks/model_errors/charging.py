@@ -54,13 +54,19 @@ def charged(
         fault = f"no better image has {', '.join(lacking)}"
         return tried, ChargedChains(fault=fault)
     meter = DifferenceMeter(problem=problem, models=models)
-    again = _judged_member if in_set else problem.without
+    again = judged_member if in_set else problem.without
     return charge_chains(tried, meter.differences, again, is_fixed=in_set)
 
 
-def _judged_member(tried: Evaluation, rejected: Mapping[Chain, str]) -> Evaluation:
+def judged_member(tried: Evaluation, rejected: Mapping[Chain, str]) -> Evaluation:
     """Return one of several features with its fallback chosen again."""
-    judged = tried.comparison.judged(tried.case, in_set=True, rejected=rejected)
+    own = tried.comparison.selection.chosen
+    judged = tried.comparison.judged(
+        tried.case,
+        in_set=True,
+        rejected=rejected,
+        kept=None if own is None else own.chain,
+    )
     return replace(tried, comparison=judged)
 
 
@@ -98,7 +104,8 @@ def charge_chains(
             return found, _charges(both, known, struck)
         struck |= fallen
         found = again(found, _rejections(struck))
-    best = _least_missed(found, known)
+    # one that stood may have failed further trials since: it is not among them
+    best = _least_missed(found, {chain: known[chain] for chain in struck})
     if best is None:
         return tried, ChargedChains(fault=_listed(struck))
     missed = struck.pop(best)

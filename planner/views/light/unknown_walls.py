@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.scenario import LookCase
@@ -32,11 +32,7 @@ def unknown_surfaces(
     layers = (*case.static, *case.moving)
     if case.ring is not None or is_clear(layers) or case.treatment == "occluded":
         return ()
-    made = {
-        name: body
-        for body in bodies
-        for name in (body.name, *(mark for mark, *_ in body.marks))
-    }
+    made = by_layer(bodies)
     own = case.target.name.partition(".")[0]
     others = {la.name for la in case.static if la.name.partition(".")[0] != own}
     if not any(_is_by(case, made[name]) for name in others if name in made):
@@ -46,6 +42,15 @@ def unknown_surfaces(
         for layer in layers
         if layer.name in made
     )
+
+
+def by_layer(bodies: Sequence[Body]) -> Mapping[str, Body]:
+    """Return the body of each layer by its name, that of a mark is what it lies on."""
+    return {
+        name: body
+        for body in bodies
+        for name in (body.name, *(mark for mark, *_ in body.marks))
+    }
 
 
 def _surface(body: Body, layer: str, z_um: float) -> UnknownSurface:

@@ -98,6 +98,37 @@ def test_a_part_that_sticks_comes_back_with_its_finger(side: float) -> None:
     assert gap_um(found)[0] < SAGITTA_UM
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_part_that_sticks_stops_jaws_that_were_at_their_widest(side: float) -> None:
+    """Its far end is at the finger, wherever doubles round to."""
+    found = around(0.0)
+    truth = found.truth
+    assert truth.tool is not None
+    close_jaws(truth, 96.0)
+    stopped = truth.opening_um
+    open_jaws(truth, truth.tool.opening_um[1], stick_side=side)
+    body = truth.bodies["gear"]
+    body.pose = replace(body.pose, x_um=body.pose.x_um + side * 1e-12)
+    close_jaws(truth, 96.0)
+    assert truth.opening_um == pytest.approx(stopped, abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_part_that_sticks_stays_at_its_finger_as_jaws_open_on(side: float) -> None:
+    found = around(0.0)
+    close_jaws(found.truth, 96.0)
+    for opening_um, other in ((120.0, side), (130.0, -side)):
+        open_jaws(found.truth, opening_um, stick_side=other)
+        assert gap_um(found)[0] < SAGITTA_UM
+        assert gap_um(found)[1] < SAGITTA_UM
+        assert found.truth.stuck
+    assert math.copysign(1.0, found.truth.bodies["gear"].pose.x_um) == side
+    close_jaws(found.truth, 110.0)
+    assert found.truth.stuck
+    close_jaws(found.truth, 96.0)
+    assert not found.truth.stuck  # both fingers hold it
+
+
 def test_what_stands_wide_of_the_jaws_stops_none() -> None:
     found = around(0.0)
     assert stopped_um(found.truth, 130.0) == 130.0

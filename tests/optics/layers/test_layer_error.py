@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from benchmarks.optics.layer_waves import Case, compare, ray_error
+from microplan.optics.layers.layer_edges import faces
 from microplan.optics.layers.layer_error import choose_layers, layer_error
 from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.ray_probes import light_shares, probes
 from microplan.optics.outline.outline import place
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.render.view_range import full
 from tests.optics.shapes import disc, microscope, rectangle
 
 
@@ -175,6 +178,31 @@ def test_a_shaded_face_costs_its_share_of_the_light() -> None:
     share = (np.sin(np.arctan(25 / 100)) / 0.42) ** 2
     # on the axis; the pin's rim and 128 rays change it by some hundredths
     assert lit / even == pytest.approx(share, abs=0.06)
+
+
+def test_light_passes_behind_a_strip_in_focus() -> None:
+    """A strip's far edge is beyond what the lens sees in focus, not beyond the lamp."""
+    optics, at_um = microscope(20.0, 160, 120), np.array([[14.0, 0.0]])
+    low = Layer(name="low", outline=rectangle(-90, -90, 90, 90), z_um=0.0,
+                reflectance=1.0)  # fmt: skip
+    strip = Layer(name="strip", outline=rectangle(30, -90, 40, 90), z_um=100.0,
+                  reflectance=0.0)  # fmt: skip
+    scene = Scene(layers=(low, strip), background=0.0)
+    found = faces(scene, optics, 100.0, full(optics))
+    count = 1 << 12
+    rasters = probes(optics, found, at_um, are_lit=True)
+    share = light_shares(rasters, optics, 0.42, at_um, count)[0, 0]
+    # down to the plate, and up from there, by directions even over the lens' pupil
+    rng = np.random.default_rng(7)
+    radius, turn = (
+        np.sqrt(rng.random((2, count))),
+        rng.uniform(0, 2 * np.pi, (2, count)),
+    )
+    tangents = np.tan(np.arcsin(0.42 * radius)) * np.cos(turn)
+    met = 14.0 + 100 * (tangents[1] - tangents[0])
+    expected = 1 - np.mean((met > 30) & (met < 40))
+    error = np.sqrt(2 * expected * (1 - expected) / count)
+    assert share == pytest.approx(expected, abs=4 * error)
 
 
 def test_wrong_calls_are_refused() -> None:

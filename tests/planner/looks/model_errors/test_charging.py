@@ -25,7 +25,10 @@ from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.model_errors.better_models import WALLS, BetterModel
 from microplan.planner.looks.model_errors.chain_differences import Differences
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
-from microplan.planner.looks.model_errors.charging import charge_chains
+from microplan.planner.looks.model_errors.charging import (
+    charge_chains,
+    judged_member,
+)
 from microplan.planner.looks.model_errors.model_cost import (
     AnswerShift,
     EffectDifference,
@@ -81,7 +84,8 @@ class Field:
         }
 
     def run(self, *, is_fixed: bool = False) -> tuple[Evaluation, ChargedChains]:
-        return charge_chains(self.tried, self.charge, rejecting, is_fixed=is_fixed)
+        again = judged_member if is_fixed else rejecting
+        return charge_chains(self.tried, self.charge, again, is_fixed=is_fixed)
 
     def need_um(self, score: ChainScore) -> float:
         half_um = self.half_um[score.chain]
@@ -226,3 +230,35 @@ def test_the_chain_of_a_set_s_feature_stays_or_is_a_fault(
     if not is_open:
         assert tried.comparison.selection.fallback == SPARE
         assert charges.chain is not None
+
+
+def test_the_chain_of_a_set_s_feature_stays_though_its_rivals_change() -> None:
+    """Another is chosen of two that are left: the finer is not half as fine again."""
+    cheap, own = a_score("otsu", 0.45, 1.0), a_score("circle_caliper", 0.28, 3.0)
+    between = a_score("contour_match", 0.4, 2.0)
+    halves = {cheap.chain: None, own.chain: 0.1, between.chain: 0.1}
+    found = Field((cheap, between, own), halves)
+    assert found.tried.comparison.selection.chosen == own
+    left = select(
+        (between, own), Constraints(tolerance_um=TOLERANCE_UM, tolerance_theta_rad=None)
+    )
+    assert left.chosen == between
+    tried, charges = found.run(is_fixed=True)
+    selection = tried.comparison.selection
+    assert (selection.chosen, selection.fallback) == (own, between)
+    assert charges.struck == {cheap.chain: OPEN}
+
+
+def test_of_chains_that_fail_further_trials_none_is_the_nearest() -> None:
+    """The one that stands fails in its further trials as the other is struck."""
+    found = of(otsu=0.1, circle_caliper=2.0)
+
+    def longer(tried: Evaluation, rejected: Mapping[Chain, str]) -> Evaluation:
+        scores = (with_failures(AREA, 5, 0), FINE)
+        comparison = replace(tried.comparison, scores=scores)
+        return rejecting(replace(tried, comparison=comparison), rejected)
+
+    tried, charges = charge_chains(found.tried, found.charge, longer)
+    selection = tried.comparison.selection
+    assert (selection.chosen, selection.fallback) == (FINE, None)
+    assert charges.missed == "2 sigma and the half-width are 2.1 um, tolerance 1 um"
