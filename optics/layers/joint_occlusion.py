@@ -120,7 +120,8 @@ def _uneven(faces: Sequence[JointFace]) -> int:
     sending = sum(
         not f.is_sharp and not varies(f.covers) and varies(f.sends) for f in faces
     )
-    return hiding + sending + sum(f.light is not None for f in faces)
+    images = sum(varies(image.covers) for f in faces for image in f.images)
+    return hiding + sending + images + sum(f.light is not None for f in faces)
 
 
 def _softened(
@@ -130,6 +131,9 @@ def _softened(
 
     A ray stands for a cell of the pupil, whose side is sqrt(pi / rays) of its radius.
     """
+    if face.images:
+        images = (_softened(each, lattice, microscope, rays) for each in face.images)
+        face = replace(face, images=tuple(images))
     if face.is_sharp:
         return face
     reach_um = microscope.blur_diameter_um(face.z_um) / 2
@@ -157,7 +161,8 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
     band = max(1, min(rows, _AT_ONCE // columns))
     bundle = max(1, _AT_ONCE // (band * columns))
     fields = 2 + sum(face.is_sharp for face in met)
-    sums = np.zeros((fields + 3 * len(met), rows, columns), dtype=np.float32)
+    counts = [3 + (1 + len(face.images) if face.images else 0) for face in met]
+    sums = np.zeros((fields + sum(counts), rows, columns), dtype=np.float32)
     for top in range(0, rows, band):
         part = slice(top, min(top + band, rows))
         for first in range(0, rays, bundle):
@@ -167,8 +172,8 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
             for out, each in zip(sums[:, part], found, strict=True):
                 _add(out, each, some.stop - some.start)
     means = sums.astype(np.float64) / rays
-    alone = means[fields:].reshape(len(met), 3, rows, columns)
-    residuals: FloatArray = means[:fields] - np.stack(_composite(met, list(alone)))
+    alone = np.split(means[fields:], np.cumsum(counts)[:-1])
+    residuals: FloatArray = means[:fields] - np.stack(_composite(met, alone))
     return residuals
 
 
@@ -190,15 +195,30 @@ def _composite(
     nothing: AnyFloats = np.zeros_like(parts[0][0])
     found: list[AnyFloats] = []
     current = nothing
-    for face, (free, sends, light) in zip(faces, parts, strict=True):
+    for face, (free, sends, light, *mirror) in zip(faces, parts, strict=True):
         if face.is_sharp:
-            found = [*found, light] if found else [current, light]
+            leaves = _mirrored_too(face, light, mirror[1:])
+            found = [*found, leaves] if found else [current, leaves]
             current = nothing
             continue
         found = [each * free for each in found]
         sent = sends if face.sends_all else sends * light
+        if mirror:
+            unlit, *images = mirror
+            sent = _mirrored_too(face, sent, [unlit, *images])
         if face.of_covered:
             current = (current - sent) * free + sent
         else:
             current = current * free + sent
     return [*found, current] if found else [current, nothing]
+
+
+def _mirrored_too(
+    face: MetFace, dull: AnyFloats, mirrored: Sequence[AnyFloats]
+) -> AnyFloats:
+    """Return what a face gives back as dull, and the product of what it mirrors."""
+    if not mirrored:
+        return dull
+    return (1 - face.finish) * dull + face.finish * math.prod(
+        mirrored[1:], start=mirrored[0]
+    )

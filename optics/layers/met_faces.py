@@ -25,6 +25,8 @@ class JointFace:
     light: Float32Array | None = None  # the share that arrives; None: all of it
     is_sharp: bool = False  # near focus: all rays of a point meet the same of it
     joins_light: bool = False  # blended with the blur of its product with the light
+    finish: float = 0.0  # share of what it sends as a mirror: past `images`, no `light`
+    images: tuple[JointFace, ...] = ()  # of higher faces in the mirror; black
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,9 @@ class MetFace:
     right: list[float]  # the column
     is_between: bool  # whether these are no whole numbers
     columns: int  # of the lattice
+    finish: float
+    unlit: Float32Array  # `sends` without light
+    images: tuple[MetFace, ...]
 
     @classmethod
     def of(cls, face: JointFace, rays: FloatArray, lattice: Lattice) -> Self:
@@ -56,28 +61,39 @@ class MetFace:
         light = np.ones((1, 1), dtype=np.float32) if face.light is None else face.light
         sends = face.sends * light if face.joins_light else face.sends
         one = None if face.joins_light else _reflectance(face)
+        unlit = _even(face.sends if one is None else one)
         return cls(
             is_sharp=face.is_sharp,
             sends_all=face.joins_light,
             of_covered=one is not None,
             free=_even(1 - face.covers),
-            sends=_even(sends if one is None else one),
+            sends=_even(sends) if face.joins_light else unlit,
             light=_even(light),
             down=at[1].tolist(),
             right=at[0].tolist(),
             is_between=is_between,
             columns=lattice.shape[1],
+            finish=face.finish,
+            unlit=unlit,
+            images=tuple(cls.of(image, rays, lattice) for image in face.images),
         )
 
     def met(self, rays: slice, rows: slice) -> tuple[Float32Array, ...]:
         """Return what rays from some rows of points meet: free, sends, light.
 
-        Each (rays, rows, columns), or (1, 1, 1) of what is even.
+        Each (rays, rows, columns), or (1, 1, 1) of what is even. Of a mirror also what
+        it sends without light, and what each image leaves free.
         """
-        return tuple(
-            each[None] if each.size == 1 else self._read(each, rays, rows)
-            for each in (self.free, self.sends, self.light)
-        )
+        values = (self.free, self.sends, self.light)
+        if self.images:
+            values = (*values, self.unlit)
+        found = (self.meet(each, rays, rows) for each in values)
+        past = (each.meet(each.free, rays, rows) for each in self.images)
+        return (*found, *past)
+
+    def meet(self, values: Float32Array, rays: slice, rows: slice) -> Float32Array:
+        """Return values that rays meet, or the only one."""
+        return values[None] if values.size == 1 else self._read(values, rays, rows)
 
     def _read(self, values: Float32Array, rays: slice, rows: slice) -> Float32Array:
         """Return the values that rays meet, (rays, rows, columns)."""

@@ -20,6 +20,7 @@ from microplan.optics.layers.joint_light import LightChange
 from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.met_faces import JointFace
+from microplan.optics.layers.mirror_images import Images, image_faces
 from microplan.optics.layers.rays import extent
 from microplan.optics.outline.scanlines import LINES
 from microplan.optics.render.render import Covered
@@ -51,6 +52,9 @@ class ShadedFace:
     share: FloatArray  # of the light, at the points of the lattice
     blurred: FloatArray  # the same blurred, and averaged over pixels
     seen: FloatArray  # that at the pixels
+    # of higher layers, and what they leave of a mirror's light at the pixels
+    images: Images = ()
+    mirrored: FloatArray | None = None
 
     def on(self, lattice: Lattice) -> FloatArray:
         """Return the share of the light at another lattice, (rows, columns), 0..1."""
@@ -97,16 +101,26 @@ class ShadedView:
     def lit(self, covered: Covered, face: ShadedFace) -> FloatArray:
         """Return a layer blurred with the light on it, (rows, columns), 0..1.
 
-        The finish is the share that shades keep nothing from. The blur of the product
-        is that of each multiplied, and on the lattice what it differs by, if the light
-        changes within what a pixel or the lens resolves. Of faces far out of focus
-        `residual` has that.
+        The finish is the share that is dimmed by mirror images of higher layers in
+        place of shades.
+        """
+        found = self._dull(covered, face)
+        finish = covered.layer.finish
+        if finish == 0 or face.mirrored is None:
+            return found
+        return (1 - finish) * found + finish * covered.coverage * face.mirrored
+
+    def _dull(self, covered: Covered, face: ShadedFace) -> FloatArray:
+        """Return a dull layer blurred with the light on it, (rows, columns), 0..1.
+
+        The blur of the product is that of each multiplied, and on the lattice what it
+        differs by, if the light changes within what a pixel or the lens resolves. Of
+        faces far out of focus `residual` has that.
         """
         found = covered.coverage * face.seen
-        step = face.lattice.step_um
-        dull = 1 - covered.layer.finish
         if not self._is_thin(face.light):
-            return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
+            return found
+        step = face.lattice.step_um
         inside = face.lattice.cells(covered.layer)
         z_um = face.light.z_um - self.focus_um
         both, alone = blur(
@@ -117,7 +131,7 @@ class ShadedView:
             z_um,
         )
         found += self.at_pixels(both - alone * face.blurred, face.lattice)
-        return found if dull == 1 else dull * found + (1 - dull) * covered.coverage
+        return found
 
     def residual(
         self,
@@ -195,6 +209,7 @@ class ShadedView:
         """Return a scene's faces, the lowest first, and the points rays come from."""
         groups = _by_height(seen)
         heights = [group[0].layer.z_um for group in groups]
+        heights += _image_heights(groups, shaded)
         lattice = self._lattice(heights, list(shaded.values()), sharp_um, finer)
         faces = [] if scene.background == 0 else [self._plane(scene, shaded, lattice)]
         faces += [self._joint(g, shaded, lattice, sharp_um) for g in groups]
@@ -238,12 +253,15 @@ class ShadedView:
                 sends * free + each.layer.reflectance * own,
             )
         light: Float32Array | None = None
-        thin = False
+        thin, images = False, ()
         if height_um in shaded:
             face = shaded[height_um]
-            share = (1 - finish) * face.on(points) + finish
-            light = share.astype(np.float32)
+            light = face.on(points).astype(np.float32)
             thin = self._is_thin(face.light)
+            if finish > 0:
+                images = image_faces(
+                    face.images, lattice, self.microscope, self.focus_um
+                )
         return JointFace(
             z_um=z_um,
             covers=covers,
@@ -251,6 +269,8 @@ class ShadedView:
             light=light,
             is_sharp=is_sharp,
             joins_light=thin,
+            finish=finish,
+            images=images,
         )
 
     @property
@@ -304,6 +324,19 @@ def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
     ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
     groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
     return [list(group) for _, group in groups]
+
+
+def _image_heights(
+    groups: Sequence[Sequence[Covered]], shaded: Mapping[float, ShadedFace]
+) -> list[float]:
+    """Return the world heights of all images in mirrors."""
+    mirrors = (group[0].layer for group in groups if group[0].layer.finish > 0)
+    return [
+        image[0].z_um
+        for layer in mirrors
+        if layer.z_um in shaded
+        for image in shaded[layer.z_um].images
+    ]
 
 
 def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:

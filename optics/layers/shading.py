@@ -22,6 +22,7 @@ from microplan.optics.layers.coaxial_light import (
     pixel_axes_um,
 )
 from microplan.optics.layers.joint_light import joint_light
+from microplan.optics.layers.mirror_images import free_of_images, mirror_images
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.light_change import solid_light
 from microplan.optics.layers.wall_view import wall_residual
@@ -30,7 +31,7 @@ from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.layer_blending import blend_layers, light_up
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import Sampling
-from microplan.optics.render.scene import Illumination, Scene, Window
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
@@ -114,6 +115,7 @@ def render_coaxial(
     faces: dict[float, ShadedFace] = {}
     if lamp_aperture is not None:
         faces = _shaded(scene, view, everything, fresh, under, lamp_aperture)
+        faces = _with_images(faces, view, [c.layer for c in everything], sampling)
     patches = [
         c.patch(view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None)
         for c in everything
@@ -163,6 +165,25 @@ def _shaded(
             changes = [change for change in (joint, walls) if change is not None]
             shaded[each.z_um] = view.face(each, changes)
     return shaded
+
+
+def _with_images(
+    faces: Mapping[float, ShadedFace],
+    view: ShadedView,
+    layers: Sequence[Layer],
+    sampling: Sampling,
+) -> dict[float, ShadedFace]:
+    """Return faces with images of higher layers where there are mirrors."""
+    mirrors = {layer.z_um for layer in layers if layer.finish > 0}
+    found = dict(faces)
+    for z_um in mirrors & found.keys():
+        images = mirror_images(layers, z_um)
+        share = free_of_images(
+            images, view.microscope, focus_um=view.focus_um, model=view.model,
+            window=view.frame, shift_um=view.shift_um, sampling=sampling,
+        )  # fmt: skip
+        found[z_um] = replace(found[z_um], images=images, mirrored=share)
+    return found
 
 
 def _background(scene: Scene, faces: Mapping[float, ShadedFace]) -> float | FloatArray:
