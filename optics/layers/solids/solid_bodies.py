@@ -43,7 +43,7 @@ class LightTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SentLight:
-    """What a face sends back, by the share of the lamp's light on it."""
+    """What a face sends back as a dull one, by the share of the lamp's light on it."""
 
     reflectance: float
     finish: float
@@ -55,7 +55,12 @@ class SentLight:
             shape = np.broadcast(x, y).shape
             return np.full(shape, self.reflectance, dtype=np.float32)
         dull = np.float32(self.reflectance * (1 - self.finish))
-        return dull * self.table.at(x, y) + np.float32(self.reflectance * self.finish)
+        return dull * self.table.at(x, y)
+
+    @property
+    def mirrors(self) -> float:
+        """Return the reflectance of what mirrors that higher bodies dim."""
+        return 0.0 if self.table is None else self.reflectance * self.finish
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,7 @@ from microplan.optics.layers.solids.straight_rays import (
     covers,
     hides,
 )
+from microplan.optics.layers.solids.unfolded_bodies import free_of, unfolded
 from microplan.optics.transfer.microscope import Microscope
 
 _ROUNDING_UM = 1e-6  # heights this close are one
@@ -124,6 +125,16 @@ def _straight(
         higher = [body for body in bodies if body.top_um > z_um]
         return _free(higher, z_um, rays, soft, walls=walls)
 
+    @cache
+    def mirrored_at(z_um: float) -> Float32Array:
+        return free_of(unfolded(bodies, z_um), rays, soft, walls=walls)
+
+    def sent_at(z_um: float, sends: SentLight) -> Float32Array:
+        found = sends(*rays.at(z_um))
+        if sends.mirrors > 0:
+            found = found + np.float32(sends.mirrors) * mirrored_at(z_um)
+        return found
+
     if plane is not None and plane.reflectance > 0:
         free = free_at(max([plane_um, *(body.top_um for body in lowest)]))
         for body in lowest:
@@ -135,10 +146,10 @@ def _straight(
         free = free_at(z_um)
         if face.body.is_sharp:
             unit = replace(face.sends, reflectance=1.0)
-            sent = free * unit(*rays.at(z_um))
+            sent = free * sent_at(z_um, unit)
             between.append(sent.mean(axis=1, dtype=np.float64))
         elif face.sends.reflectance > 0:
-            sent = free * covers(face.body, rays, soft) * face.sends(*rays.at(z_um))
+            sent = free * covers(face.body, rays, soft) * sent_at(z_um, face.sends)
             field = below if z_um < split_um else above
             field += sent.mean(axis=1, dtype=np.float64)
     return [below, *between, above]
