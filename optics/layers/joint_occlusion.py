@@ -172,7 +172,7 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
             for out, each in zip(sums[:, part], found, strict=True):
                 _add(out, each, some.stop - some.start)
     means = sums.astype(np.float64) / rays
-    alone = np.split(means[fields:], np.cumsum(counts)[:-1])
+    alone = [list(part) for part in np.split(means[fields:], np.cumsum(counts)[:-1])]
     residuals: FloatArray = means[:fields] - np.stack(_composite(met, alone))
     return residuals
 

@@ -84,9 +84,9 @@ class MetFace:
         Each (rays, rows, columns), or (1, 1, 1) of what is even. Of a mirror also what
         it sends without light, and what each image leaves free.
         """
-        values = (self.free, self.sends, self.light)
+        values = [self.free, self.sends, self.light]
         if self.images:
-            values = (*values, self.unlit)
+            values.append(self.unlit)
         found = (self.meet(each, rays, rows) for each in values)
         past = (each.meet(each.free, rays, rows) for each in self.images)
         return (*found, *past)

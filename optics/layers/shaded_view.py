@@ -253,7 +253,8 @@ class ShadedView:
                 sends * free + each.layer.reflectance * own,
             )
         light: Float32Array | None = None
-        thin, images = False, ()
+        thin = False
+        images: tuple[JointFace, ...] = ()
         if height_um in shaded:
             face = shaded[height_um]
             light = face.on(points).astype(np.float32)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -21,14 +22,37 @@ from microplan.optics.layers.solids.straight_rays import (
     ThickBody,
     heights_between,
 )
+from microplan.optics.layers.solids.unfolded_bodies import unfolded
 from microplan.optics.outline.distance_field import BEYOND_UM
 
 _TOUCH_UM = 0.4  # a ray this close to a wall meets it: the field's own step is .5
 _STEPS = 40  # of a mirrored ray
 BOUNCES = 3  # on walls; what is left then is lost
 
-# the share of the light that arrives at world points of a face
-Light = Callable[[Float32Array, Float32Array], Float32Array]
+
+class Light(Protocol):
+    """What a face sends back, or the lamp."""
+
+    def __call__(self, x: Float32Array, y: Float32Array, /) -> Float32Array:
+        """Return what points of it send to any ray, world um."""
+
+    @property
+    def mirrors(self) -> float:
+        """Return the reflectance of what it mirrors besides."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Lamp:
+    """The lamp, from which light comes all over."""
+
+    mirrors: float = 0.0
+
+    def __call__(self, x: Float32Array, _y: Float32Array, /) -> Float32Array:
+        """Return all of the light."""
+        return np.ones_like(x)
+
+
+_LAMP = _Lamp()
 
 
 @dataclass(slots=True)
@@ -82,19 +106,65 @@ def mirrored(
         full scale.
     """
     total = np.zeros(rays.x_um.shape[0])
-    flight = _first_mirrored(bodies, floor_um, rays)
+    first, whose = _first_met(bodies, floor_um, rays)
+    flight = _started(bodies, first, whose, rays)
     flight = flight.keep((flight.z > above_um) & (flight.z <= below_um))
-    for _ in range(_STEPS):
-        if not flight.x.size:
-            break
-        flight = _advance(flight, bodies, lights, floor, floor_um, total)
+    _fly(flight, bodies, lights, floor, floor_um, total)
     return total
 
 
-def _first_mirrored(
+def raised(
+    bodies: Sequence[ThickBody], face: ThickBody, mirrors: float, rays: Rays
+) -> FloatArray:
+    """Return what a mirror face gives back past walls that mirror, too.
+
+    Of rays that come down to it straight and meet a wall on their way up.
+
+    Parameters
+    ----------
+    bodies : sequence of ThickBody
+        All that hides.
+    face : ThickBody
+        One of them; if it is sharp, all rays meet it that reach its height.
+    mirrors : float
+        Reflectance of what its top mirrors.
+    rays : Rays
+        Through the points.
+
+    Returns
+    -------
+    (points,) float64 array
+        Sums over slopes, shares of full scale.
+    """
+    total = np.zeros(rays.x_um.shape[0])
+    z_um = face.top_um
+    images = unfolded(bodies, z_um)
+    if mirrors == 0 or all(body.wall_reflectance == 0 for body in images):
+        return total
+    met, _ = _first_met([b for b in bodies if b.top_um > z_um], z_um, rays)
+    seen = np.isneginf(met)
+    if not face.is_sharp:
+        seen &= Paths.of(face, rays).at(z_um) < 0
+    ceiling_um = _ceiling_um(images)
+    first, whose = _first_met(images, ceiling_um, rays)
+    flight = _started(images, first, np.where(seen, whose, -1), rays)
+    flight.weight *= np.float32(mirrors)
+    _fly(flight, images, [None] * len(images), _LAMP, ceiling_um, total)
+    return total
+
+
+def _ceiling_um(images: Sequence[ThickBody]) -> float:
+    """Return a height that unfolded rays reach past all images."""
+    return min(body.under_um for body in images) - 1.0  # a mirror has some above it
+
+
+def _first_met(
     bodies: Sequence[ThickBody], floor_um: float, rays: Rays
-) -> _Flight:
-    """Return the rays whose first body is met at a wall that mirrors."""
+) -> tuple[Float32Array, IndexArray]:
+    """Return where rays meet their first body, and whose wall it is if that mirrors.
+
+    (points, slopes): -inf where they meet none; -1 where it is no mirroring wall.
+    """
     shape = (rays.x_um.shape[0], rays.across.shape[1])
     first = np.full(shape, -np.inf, dtype=np.float32)
     whose = np.full(shape, -1)
@@ -107,6 +177,16 @@ def _first_mirrored(
             nearer = met & (at > first)
             first[nearer] = at[nearer]
             whose[nearer] = k if body.wall_reflectance > 0 else -1
+    return first, whose
+
+
+def _started(
+    bodies: Sequence[ThickBody],
+    first: Float32Array,
+    whose: IndexArray,
+    rays: Rays,
+) -> _Flight:
+    """Return the rays that a wall has mirrored first, from there."""
     point, ray = np.nonzero(whose >= 0)
     z, body_of = first[point, ray], whose[point, ray]
     across, up = rays.across[0, ray], rays.up[0, ray]
@@ -126,6 +206,36 @@ def _first_mirrored(
     for k, body in enumerate(bodies):
         _mirror(flight, body, body_of == k)
     return flight
+
+
+def _fly(
+    flight: _Flight,
+    bodies: Sequence[ThickBody],
+    lights: Sequence[Light | None],
+    floor: Light | None,
+    floor_um: float,
+    total: FloatArray,
+) -> None:
+    """Follow rays to their ends and add what they see, in place."""
+    ended: list[list[_Flight]] = [[] for _ in bodies]
+    for _ in range(_STEPS):
+        if not flight.x.size:
+            break
+        flight = _advance(flight, bodies, lights, floor, floor_um, total, ended)
+    for body, light, parts in zip(bodies, lights, ended, strict=True):
+        images = unfolded(bodies, body.top_um)
+        if light is not None and light.mirrors > 0 and parts:
+            risen = _joined(parts)
+            risen.weight *= np.float32(light.mirrors)
+            nothing: list[Light | None] = [None] * len(images)
+            _fly(risen, images, nothing, _LAMP, _ceiling_um(images), total)
+
+
+def _joined(parts: Sequence[_Flight]) -> _Flight:
+    """Return the rays of several flights."""
+    names = _Flight.__slots__
+    return _Flight(*(np.concatenate([getattr(p, name) for p in parts])
+                     for name in names))  # fmt: skip
 
 
 def _first_wall(
@@ -177,8 +287,12 @@ def _advance(
     floor: Light | None,
     floor_um: float,
     total: FloatArray,
+    ended: Sequence[list[_Flight]],
 ) -> _Flight:
-    """Return rays a safe step on; those that end are added to the sums, in place."""
+    """Return rays a safe step on; those that end are added to the sums, in place.
+
+    Those that end on tops are added to `ended`, by body.
+    """
     away = (flight.z - np.float32(floor_um)) * flight.slope
     distances = []
     for body in bodies:
@@ -193,11 +307,13 @@ def _advance(
     flight.y += away * flight.dy
     flight.z -= away / flight.slope
     alive = flight.bounces <= BOUNCES
-    for body, light in zip(bodies, lights, strict=True):
+    for body, light, on_top in zip(bodies, lights, ended, strict=True):
         d = body.distance.at(flight.x, flight.y)
         passed = (before > body.top_um) & (flight.z <= body.top_um + 1e-3)
         top = passed & (d < 0) & alive
         _end(flight, top, light, total)
+        if light is not None and light.mirrors > 0 and top.any():
+            on_top.append(flight.keep(top))
         alive &= ~top
         low = (flight.z < body.top_um) & (flight.z > body.under_um)
         wall = low & (d < _TOUCH_UM) & alive & ~passed

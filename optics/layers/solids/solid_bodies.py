@@ -49,7 +49,7 @@ class SentLight:
     finish: float
     table: LightTable | None = None  # None: all light arrives
 
-    def __call__(self, x: Float32Array, y: Float32Array) -> Float32Array:
+    def __call__(self, x: Float32Array, y: Float32Array, /) -> Float32Array:
         """Return what is sent from world points, um."""
         if self.table is None:
             shape = np.broadcast(x, y).shape

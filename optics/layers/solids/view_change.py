@@ -17,7 +17,7 @@ import numpy as np
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.layers.solids.mirrored_rays import mirrored
+from microplan.optics.layers.solids.mirrored_rays import mirrored, raised
 from microplan.optics.layers.solids.solid_bodies import (
     MIRRORED,
     SentLight,
@@ -98,9 +98,19 @@ def mirrored_view(
     above = mirrored(*args, rays, above_um=0.0)
     outside = rays_outside([b for b in bodies if b.is_sharp], rays)
     below = mirrored(*args, outside, below_um=0.0)
-    fields = [each.reshape(lattice.shape) / MIRRORED for each in (above, below)]
-    dark = tuple(np.zeros(lattice.shape) for body in bodies if body.is_sharp)
-    return JointResidual(above=fields[0], sharp=dark, below=fields[1])
+    beside = rays_outside([body for body in bodies if is_cut(body)], rays)
+    sharp = []
+    for face in faces:
+        body, mirrors = face.body, face.sends.mirrors
+        if body.is_sharp:  # for a reflectance of 1
+            mirrors = face.sends.finish if mirrors > 0 else 0.0
+            sharp.append(raised(bodies, body, mirrors, beside))
+        elif body.top_um > 0:
+            above += raised(bodies, body, mirrors, rays)
+        else:
+            below += raised(bodies, body, mirrors, outside)
+    shaped = [each.reshape(lattice.shape) / MIRRORED for each in (below, *sharp, above)]
+    return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
 
 
 def _straight(
