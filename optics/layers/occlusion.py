@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import FloatArray
+from microplan.optics.layers.mirror_sheets import polished, with_mirrors
 from microplan.optics.layers.rays import (
     Grid,
     LayerSheet,
@@ -76,7 +78,8 @@ def occluded(
     lamp_aperture : float, optional
         Numerical aperture of light that comes through the objective (coaxial): higher
         bodies then shade the faces below, but not the background, which has no
-        height. Default: light from all around, and no shade.
+        height; mirrors show them again, black. Default: light from all around, and
+        no shade.
 
     Returns
     -------
@@ -152,8 +155,11 @@ class Tracing:
         rim = math.ceil(_TAIL * m.wavelength_um / m.aperture / h)
         wide = cut.grid.grown(rim)
         stack = hard(scene.layers, wide, m, self.focus_um)
-        blended = _sheets(blurred(cut.fine, cut.window))
+        covered = blurred(cut.fine, cut.window)
+        blended = _sheets(covered)
         if self.lamp_aperture is not None:
+            stack = self._with_mirrors(stack, wide)
+            blended = self._blurred_mirrors(blended, covered, cut)
             lamp = replace(m, aperture=self.lamp_aperture)
             dark = self._shaded(stack, wide, lamp)
             blended = [
@@ -170,6 +176,36 @@ class Tracing:
         extra = _hidden(found, scene.background, m, h)[rim:-rim, rim:-rim]
         image = composite(blended, scene.background, extra.shape) + extra
         return _pixels(image, cut.per_px, m)
+
+    def _with_mirrors(
+        self, stack: Sequence[LayerSheet], grid: Grid
+    ) -> list[LayerSheet]:
+        """Return hard sheets with their mirrors apart, and images in them."""
+        layers = self.scene.layers
+        make = partial(
+            hard, grid=grid, microscope=self.microscope, focus_um=self.focus_um
+        )
+        return with_mirrors(stack, make(polished(layers)), layers, make)
+
+    def _blurred_mirrors(
+        self, stack: Sequence[LayerSheet], covered: Sequence[Covered], cut: _Cells
+    ) -> list[LayerSheet]:
+        """Return blurred sheets with their mirrors apart, and images in them."""
+
+        def make(images: Sequence[Layer]) -> list[LayerSheet]:
+            return _sheets(
+                cover(
+                    images,
+                    cut.fine,
+                    focus_um=self.focus_um,
+                    model=self.model,
+                    window=cut.window,
+                )
+            )
+
+        shiny = polished([c.layer for c in covered])
+        mirrors = sheets(shiny, [c.coverage for c in covered]) if shiny else []
+        return with_mirrors(stack, mirrors, self.scene.layers, make)
 
     def _shaded(
         self, stack: Sequence[LayerSheet], grid: Grid, lamp: Microscope
@@ -276,14 +312,8 @@ def _hidden(
     """Return D[M] - blend(D[G])."""
     share = _frequencies(found.image.shape, step_um) / microscope.cutoff_per_um
     gain = diffraction(share)
-    alone = [
-        LayerSheet(
-            z_um=sheet.z_um,
-            covers=_filtered(sheet.covers, gain),
-            sends=_filtered(sheet.sends, gain),
-        )
-        for sheet in found.stack
-    ]
+    alone = [sheet.mapped(lambda raster, _: _filtered(raster, gain))
+             for sheet in found.stack]  # fmt: skip
     return _filtered(found.image, gain) - composite(
         alone, background, found.image.shape
     )

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -44,6 +45,11 @@ class Grid:
         )
 
 
+# a raster (rows, columns) of a sheet at a world height, um, to another
+Raster = FloatArray | Float32Array
+RasterMap = Callable[[Raster, float], Raster]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerSheet:
     """All layers of one height: what they cover, and what they send back."""
@@ -51,6 +57,37 @@ class LayerSheet:
     z_um: float
     covers: FloatArray | Float32Array  # (rows, columns), 0..1
     sends: FloatArray | Float32Array  # (rows, columns), reflectance times coverage
+    # what it sends besides as a mirror, past images of higher sheets
+    mirrors: FloatArray | Float32Array | None = None
+    images: tuple[LayerSheet, ...] = ()
+
+    @property
+    def sends_all(self) -> FloatArray | Float32Array:
+        """Return what it sends back in all, (rows, columns)."""
+        if self.mirrors is None:
+            return self.sends
+        return self.sends + math.prod(
+            (1 - image.covers for image in self.images), start=self.mirrors
+        )
+
+    def mapped(self, by: RasterMap) -> LayerSheet:
+        """Return the sheet with each raster replaced, its images' too."""
+        return LayerSheet(
+            z_um=self.z_um,
+            covers=by(self.covers, self.z_um),
+            sends=by(self.sends, self.z_um),
+            mirrors=None if self.mirrors is None else by(self.mirrors, self.z_um),
+            images=tuple(image.mapped(by) for image in self.images),
+        )
+
+    def add(self, other: LayerSheet) -> None:
+        """Add another's rasters, in place."""
+        self.covers[...] += other.covers
+        self.sends[...] += other.sends
+        if self.mirrors is not None and other.mirrors is not None:
+            self.mirrors[...] += other.mirrors
+        for image, more in zip(self.images, other.images, strict=True):
+            image.add(more)
 
 
 def slopes(microscope: Microscope, count: int) -> FloatArray:
@@ -121,7 +158,7 @@ def composite(
     image = np.full(shape, background)
     for sheet in stack:
         image *= 1 - sheet.covers
-        image += sheet.sends
+        image += sheet.sends_all
     return image
 
 
@@ -189,38 +226,32 @@ def trace(
         World height of the grid.
     """
     image = np.zeros(shape)
-    sums = np.zeros((len(stack), 2, *shape))  # of covers and sends
+    sums = [sheet.mapped(lambda *_: np.zeros(shape)) for sheet in stack]
     for tangent in tangents:
         seen = np.full(shape, background, dtype=np.float32)
-        views = _moved(stack, tangent / step_um, shape, focus_um)
-        for i, (covers, sends) in enumerate(views):
-            seen *= 1 - covers
-            seen += sends
-            sums[i, 0] += covers
-            sums[i, 1] += sends
+        met = partial(_moved, tangent=tangent / step_um, shape=shape, focus_um=focus_um)
+        for total, sheet in zip(sums, stack, strict=True):
+            view = sheet.mapped(met)
+            seen *= 1 - view.covers
+            seen += view.sends_all
+            total.add(view)
         image += seen
     share = 1 / len(tangents)
-    means = tuple(
-        LayerSheet(z_um=sheet.z_um, covers=covers * share, sends=sends * share)
-        for sheet, (covers, sends) in zip(stack, sums, strict=True)
-    )
+    means = tuple(sheet.mapped(lambda raster, _: raster * share) for sheet in sums)
     return Traced(image=image * share, stack=means)
 
 
 def _moved(
-    stack: Sequence[LayerSheet],
+    raster: Raster,
+    z_um: float,
+    *,
     tangent: FloatArray,
     shape: tuple[int, int],
     focus_um: float,
-) -> Iterator[tuple[FloatArray | Float32Array, FloatArray | Float32Array]]:
-    """Yield each sheet's rasters where the rays of one slope meet it."""
+) -> Raster:
+    """Return a sheet's raster where the rays of one slope meet it."""
     rows, columns = shape
-    for sheet in stack:
-        by = (sheet.covers.shape[0] - rows) // 2
-        z = sheet.z_um - focus_um
-        across, up = round(z * float(tangent[0])), round(z * float(tangent[1]))
-        part = (
-            slice(by - up, by - up + rows),
-            slice(by + across, by + across + columns),
-        )
-        yield sheet.covers[part], sheet.sends[part]
+    by = (raster.shape[0] - rows) // 2
+    z = z_um - focus_um
+    across, up = round(z * float(tangent[0])), round(z * float(tangent[1]))
+    return raster[by - up : by - up + rows, by + across : by + across + columns]

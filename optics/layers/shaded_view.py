@@ -209,8 +209,9 @@ class ShadedView:
         """Return a scene's faces, the lowest first, and the points rays come from."""
         groups = _by_height(seen)
         heights = [group[0].layer.z_um for group in groups]
-        heights += _image_heights(groups, shaded)
-        lattice = self._lattice(heights, list(shaded.values()), sharp_um, finer)
+        lit = list(shaded.values())
+        images = [image[0].z_um for face in lit for image in face.images]
+        lattice = self._lattice([*heights, *images], lit, sharp_um, finer)
         faces = [] if scene.background == 0 else [self._plane(scene, shaded, lattice)]
         faces += [self._joint(g, shaded, lattice, sharp_um) for g in groups]
         return faces, lattice
@@ -325,19 +326,6 @@ def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
     ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
     groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
     return [list(group) for _, group in groups]
-
-
-def _image_heights(
-    groups: Sequence[Sequence[Covered]], shaded: Mapping[float, ShadedFace]
-) -> list[float]:
-    """Return the world heights of all images in mirrors."""
-    mirrors = (group[0].layer for group in groups if group[0].layer.finish > 0)
-    return [
-        image[0].z_um
-        for layer in mirrors
-        if layer.z_um in shaded
-        for image in shaded[layer.z_um].images
-    ]
 
 
 def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:

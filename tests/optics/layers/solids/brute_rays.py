@@ -2,7 +2,8 @@
 
 Written from the geometry alone: a ray comes down through a pixel, ends on a face or
 the floor, is lost in a black wall or goes on mirrored by it. A diffuse face gets a
-ray of the lamp of any slope, traced upwards in the same way.
+ray of the lamp of any slope, traced upwards in the same way; a polished one that which
+it mirrors along the ray seen.
 """
 
 from __future__ import annotations
@@ -89,12 +90,15 @@ def seen(
         slopes = pupil(aperture, rays, rng)
         start = at + (top - focus_um) * slopes
         back = _down(bodies, floor, start, -slopes, top, bounces)
-        weight, face, finish, p, z = back
+        weight, face, finish, p, z, d = back
         free = np.ones(rays)
+        shiny = (weight * face > 0) & (finish > 0)
+        free[shiny] = _up(bodies, p[shiny], d[shiny], z[shiny], top, bounces)
         diffuse = (weight * face > 0) & (finish < 1)
         lit = _up(bodies, p[diffuse], pupil(lamp, rays, rng)[diffuse], z[diffuse],
                   top, bounces)  # fmt: skip
-        free[diffuse] = finish[diffuse] + (1 - finish[diffuse]) * lit
+        free[diffuse] *= finish[diffuse]
+        free[diffuse] += (1 - finish[diffuse]) * lit
         found[k] = np.mean(weight * face * free)
     return found
 
@@ -107,7 +111,7 @@ def _down(
     z: float,
     bounces: int,
 ) -> tuple[FloatArray, ...]:
-    """Return weight, reflectance, finish and place of what rays end on."""
+    """Return weight, reflectance, finish and place of what rays end on, and slopes."""
     n = len(p)
     p, d, h = p.copy(), d.copy(), np.full(n, z)
     weight, face, finish = np.ones(n), np.zeros(n), np.zeros(n)
@@ -142,7 +146,7 @@ def _down(
         if not alive.size:
             break
     weight[alive] = 0.0
-    return weight, face, finish, p, h
+    return weight, face, finish, p, h, d
 
 
 def _up(
