@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.mirror_sheets import polished, with_mirrors
+from microplan.optics.layers.mirrors.sheets import polished, with_mirrors
 from microplan.optics.layers.rays import (
     Grid,
     LayerSheet,

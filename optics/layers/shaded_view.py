@@ -20,7 +20,7 @@ from microplan.optics.layers.joint_light import LightChange
 from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.met_faces import JointFace
-from microplan.optics.layers.mirror_images import Images, image_faces
+from microplan.optics.layers.mirrors.images import Images, image_faces
 from microplan.optics.layers.rays import extent
 from microplan.optics.outline.scanlines import LINES
 from microplan.optics.render.render import Covered

@@ -22,7 +22,7 @@ from microplan.optics.layers.coaxial_light import (
     pixel_axes_um,
 )
 from microplan.optics.layers.joint_light import joint_light
-from microplan.optics.layers.mirror_images import free_of_images, mirror_images
+from microplan.optics.layers.mirrors.images import free_of_images, mirror_images
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.light_change import solid_light
 from microplan.optics.layers.wall_view import wall_residual

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.mirror_images import mirror_images
+from microplan.optics.layers.mirrors.images import mirror_images
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.outline.outline import Outline

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from microplan.optics.layers.mirror_images import mirror_images
+from microplan.optics.layers.mirrors.images import mirror_images
 from microplan.optics.layers.rays import LayerSheet
 from microplan.optics.render.scene import Layer
 
