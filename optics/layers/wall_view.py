@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import area_um
 from microplan.optics.layers.joint_occlusion import JointResidual
-from microplan.optics.layers.lattice import Area, Lattice
+from microplan.optics.layers.lattice import Area, Lattice, blur
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.solid_bodies import (
     LightTable,
@@ -33,7 +33,7 @@ from microplan.optics.render.scene import Layer, Scene
 # meet light on points as far apart as the second two say.
 _WALLS_UM, _WALLS_MOST = 4.0, 40
 _FINE_UM, _FINE_MOST = 1.0, 120
-_MIRRORED_UM, _MIRRORED_MOST = 3.0, 60
+_MIRRORED_UM, _MIRRORED_MOST = 1.5, 120
 _TABLE_UM, _TABLE_MOST = 2.0, 120
 
 
@@ -97,7 +97,21 @@ def wall_residual(
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
     close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST))
     mirrors = mirrored_view(*args, close, m)
-    return image if mirrors is None else image + _laid(view, mirrors, close, sharp)
+    if mirrors is None:
+        return image
+    return image + _laid(view, _diffracted(view, mirrors, close), close, sharp)
+
+
+def _diffracted(
+    view: ShadedView, change: JointResidual, lattice: Lattice
+) -> JointResidual:
+    """Return fields as the lens shows the plane in focus.
+
+    What lies as high as that plane is in focus in a vertical mirror, too.
+    """
+    fields = np.stack([change.below, *change.sharp, change.above])
+    seen = blur(fields, lattice.step_um, view.microscope, view.model, 0.0)
+    return JointResidual(above=seen[-1], sharp=tuple(seen[1:-1]), below=seen[0])
 
 
 def _laid(

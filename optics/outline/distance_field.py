@@ -45,6 +45,23 @@ class DistanceField:
         row += column
         return self.values.ravel().take(row)
 
+    def between(self, x: Float32Array, y: Float32Array) -> Float32Array:
+        """Return distances at world points by the four about each, (N,) um."""
+        half, one = np.float32(0.5), np.float32(1)
+        (rows, columns), (u, v) = self.values.shape, self.places(x, y)
+        u = np.minimum(np.maximum(u - half, np.float32(0)), np.float32(columns - 1.01))
+        v = np.minimum(np.maximum(v - half, np.float32(0)), np.float32(rows - 1.01))
+        column, row = u.astype(np.int32), v.astype(np.int32)
+        u -= column
+        v -= row
+        first, values = row * columns + column, self.values.ravel()
+        low, high = (
+            values.take(at) * (one - u) + values.take(at + 1) * u
+            for at in (first, first + columns)
+        )
+        found: Float32Array = low * (one - v) + high * v
+        return found
+
     def normal(
         self, x: Float32Array, y: Float32Array
     ) -> tuple[Float32Array, Float32Array]:

@@ -25,9 +25,10 @@ from microplan.optics.layers.solids.straight_rays import (
 from microplan.optics.layers.solids.unfolded_bodies import unfolded
 from microplan.optics.outline.distance_field import BEYOND_UM
 
-_TOUCH_UM = 0.4  # a ray this close to a wall meets it: the field's own step is .5
-_STEPS = 40  # of a mirrored ray
-BOUNCES = 3  # on walls; what is left then is lost
+_TOUCH_UM = 0.1  # a ray this close to a wall meets it
+_STEPS = 300  # of a mirrored ray
+_BOUNCES = 30  # on walls; what is left then is lost, as is less than
+_FAINT = 0.005  # of the light
 
 
 class Light(Protocol):
@@ -273,7 +274,7 @@ def _mirror(flight: _Flight, body: ThickBody, which: BoolArray) -> None:
     dx, dy = flight.dx[which], flight.dy[which]
     into = np.minimum(dx * nx + dy * ny, 0)
     flight.dx[which], flight.dy[which] = dx - 2 * into * nx, dy - 2 * into * ny
-    back = _TOUCH_UM - body.distance.at(x, y)  # onto the wall's outside
+    back = _TOUCH_UM - body.distance.between(x, y)  # onto the wall's outside
     flight.x[which], flight.y[which] = x + back * nx, y + back * ny
     hit = into < 0
     flight.weight[which] *= np.where(hit, body.wall_reflectance, 1.0)
@@ -296,7 +297,7 @@ def _advance(
     away = (flight.z - np.float32(floor_um)) * flight.slope
     distances = []
     for body in bodies:
-        d = body.distance.at(flight.x, flight.y)
+        d = body.distance.between(flight.x, flight.y)
         above = (flight.z - np.float32(body.top_um)) * flight.slope
         clear = np.where(above > 0, np.maximum(above, np.minimum(d, BEYOND_UM)), d)
         clear = np.where(flight.z < body.under_um, np.inf, clear)
@@ -306,9 +307,9 @@ def _advance(
     flight.x += away * flight.dx
     flight.y += away * flight.dy
     flight.z -= away / flight.slope
-    alive = flight.bounces <= BOUNCES
+    alive = (flight.bounces <= _BOUNCES) & (flight.weight > _FAINT)
     for body, light, on_top in zip(bodies, lights, ended, strict=True):
-        d = body.distance.at(flight.x, flight.y)
+        d = body.distance.between(flight.x, flight.y)
         passed = (before > body.top_um) & (flight.z <= body.top_um + 1e-3)
         top = passed & (d < 0) & alive
         _end(flight, top, light, total)
@@ -317,8 +318,10 @@ def _advance(
         alive &= ~top
         low = (flight.z < body.top_um) & (flight.z > body.under_um)
         wall = low & (d < _TOUCH_UM) & alive & ~passed
-        nx, ny = body.distance.normal(flight.x, flight.y)
-        wall &= (flight.dx * nx + flight.dy * ny < 0) | (d < -_TOUCH_UM)
+        near = np.flatnonzero(wall)
+        nx, ny = body.distance.normal(flight.x[near], flight.y[near])
+        into = flight.dx[near] * nx + flight.dy[near] * ny
+        wall[near] = (into < 0) | (d[near] < -_TOUCH_UM)
         if body.wall_reflectance > 0:
             _mirror(flight, body, wall)
         else:
