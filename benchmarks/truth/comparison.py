@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,11 @@ from microplan.executor.simulated.imaging.imaging_view import RaySampling
 
 CLOSE = 0.01  # of full scale
 LEAST_SHARE, MOST_ERROR, MOST_RMS = 0.995, 0.02, 0.003  # aims at equal optics
-TURNED = RaySampling(turn_rad=1.0)  # another pattern of rays through pupil and lamp
+# finer than a run's pictures: a mirror's edges in focus are narrow
+JUDGE = RaySampling(
+    spacing=0.06, least_spacing_um=0.6, plane_spacing_um=0.6, most_spacing_um=2.5
+)
+TURNED = replace(JUDGE, turn_rad=1.0)  # another pattern of rays through pupil and lamp
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +57,7 @@ def apart(one: FloatArray, other: FloatArray) -> PictureError:
 
 def compared(look: JudgedLook) -> LookComparison:
     """Return a look's errors at equal optics, and the cell's own."""
-    found = cell_image(look.cell)
+    found = cell_image(look.cell, JUDGE)
     return LookComparison(
         id=look.id,
         error=apart(trial_image(look.trial.case), found),

@@ -10,7 +10,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.joint_light import LightChange
 from microplan.optics.layers.lattice import Area, Lattice
-from microplan.optics.layers.solids.mirrored_rays import Light, mirrored
+from microplan.optics.layers.solids.mirrored_rays import RayEnd, mirrored
 from microplan.optics.layers.solids.solid_bodies import (
     MIRRORED,
     SentLight,
@@ -64,7 +64,7 @@ def solid_light(
     change: FloatArray = (solid - flat).mean(axis=1, dtype=np.float64)
     if any(body.wall_reflectance > 0 for body in found):
         turned = [_turned(body) for body in found]
-        nothing: list[Light | None] = [None] * len(turned)
+        nothing: list[RayEnd | None] = [None] * len(turned)
         few, _ = rays_from(lattice, lamp, MIRRORED)
         outside = rays_outside([b for b in found if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)

@@ -31,7 +31,7 @@ _BOUNCES = 30  # on walls; what is left then is lost, as is less than
 _FAINT = 0.005  # of the light
 
 
-class Light(Protocol):
+class RayEnd(Protocol):
     """What a face sends back, or the lamp."""
 
     def __call__(self, x: Float32Array, y: Float32Array, /) -> Float32Array:
@@ -77,8 +77,8 @@ class _Flight:
 
 def mirrored(
     bodies: Sequence[ThickBody],
-    lights: Sequence[Light | None],
-    floor: Light | None,
+    lights: Sequence[RayEnd | None],
+    floor: RayEnd | None,
     floor_um: float,
     rays: Rays,
     *,
@@ -91,9 +91,9 @@ def mirrored(
     ----------
     bodies : sequence of ThickBody
         All that hides; walls of reflectance 0 are black.
-    lights : sequence of Light, optional
+    lights : sequence of RayEnd, optional
         What the top of each sends back to a ray; None: nothing.
-    floor, floor_um : Light, optional
+    floor, floor_um : RayEnd, optional
         What the plane below everything sends back, and its height.
     rays : Rays
         Through the points.
@@ -212,8 +212,8 @@ def _started(
 def _fly(
     flight: _Flight,
     bodies: Sequence[ThickBody],
-    lights: Sequence[Light | None],
-    floor: Light | None,
+    lights: Sequence[RayEnd | None],
+    floor: RayEnd | None,
     floor_um: float,
     total: FloatArray,
 ) -> None:
@@ -228,7 +228,7 @@ def _fly(
         if light is not None and light.mirrors > 0 and parts:
             risen = _joined(parts)
             risen.weight *= np.float32(light.mirrors)
-            nothing: list[Light | None] = [None] * len(images)
+            nothing: list[RayEnd | None] = [None] * len(images)
             _fly(risen, images, nothing, _LAMP, _ceiling_um(images), total)
 
 
@@ -284,8 +284,8 @@ def _mirror(flight: _Flight, body: ThickBody, which: BoolArray) -> None:
 def _advance(
     flight: _Flight,
     bodies: Sequence[ThickBody],
-    lights: Sequence[Light | None],
-    floor: Light | None,
+    lights: Sequence[RayEnd | None],
+    floor: RayEnd | None,
     floor_um: float,
     total: FloatArray,
     ended: Sequence[list[_Flight]],
@@ -332,7 +332,7 @@ def _advance(
 
 
 def _end(
-    flight: _Flight, which: BoolArray, light: Light | None, total: FloatArray
+    flight: _Flight, which: BoolArray, light: RayEnd | None, total: FloatArray
 ) -> None:
     """Add what rays see at their end to the sums of their points, in place."""
     if light is None or not which.any():
