@@ -26,6 +26,7 @@ from microplan.optics.layers.solids.unfolded_bodies import unfolded
 from microplan.optics.outline.distance_field import BEYOND_UM
 
 _TOUCH_UM = 0.1  # a ray this close to a wall meets it
+_LEAST_UM = 0.25  # step along it
 _STEPS = 300  # of a mirrored ray
 _BOUNCES = 30  # on walls; what is left then is lost, as is less than
 _FAINT = 0.005  # of the light
@@ -69,6 +70,7 @@ class _Flight:
     weight: Float32Array
     bounces: IndexArray
     index: IndexArray  # of the point it belongs to
+    off: Float32Array  # (N, bodies): from their outlines, um
 
     def keep(self, which: BoolArray) -> _Flight:
         """Return some of the rays."""
@@ -203,6 +205,7 @@ def _started(
         weight=np.ones_like(z),
         bounces=np.zeros(z.size, dtype=np.int32),
         index=point,
+        off=np.empty((point.size, len(bodies)), dtype=np.float32),
     )
     for k, body in enumerate(bodies):
         _mirror(flight, body, body_of == k)
@@ -219,6 +222,8 @@ def _fly(
 ) -> None:
     """Follow rays to their ends and add what they see, in place."""
     ended: list[list[_Flight]] = [[] for _ in bodies]
+    places = flight.x, flight.y
+    flight.off = np.stack([b.distance.between(*places) for b in bodies], axis=1)
     for _ in range(_STEPS):
         if not flight.x.size:
             break
@@ -295,21 +300,18 @@ def _advance(
     Those that end on tops are added to `ended`, by body.
     """
     away = (flight.z - np.float32(floor_um)) * flight.slope
-    distances = []
-    for body in bodies:
-        d = body.distance.between(flight.x, flight.y)
+    for body, d in zip(bodies, flight.off.T, strict=True):
         above = (flight.z - np.float32(body.top_um)) * flight.slope
         clear = np.where(above > 0, np.maximum(above, np.minimum(d, BEYOND_UM)), d)
         clear = np.where(flight.z < body.under_um, np.inf, clear)
-        away = np.minimum(away, np.maximum(clear, _TOUCH_UM))
-        distances.append(d)
+        away = np.minimum(away, np.maximum(clear, _LEAST_UM))
     before = flight.z.copy()
     flight.x += away * flight.dx
     flight.y += away * flight.dy
     flight.z -= away / flight.slope
     alive = (flight.bounces <= _BOUNCES) & (flight.weight > _FAINT)
-    for body, light, on_top in zip(bodies, lights, ended, strict=True):
-        d = body.distance.between(flight.x, flight.y)
+    for k, (body, light, on_top) in enumerate(zip(bodies, lights, ended, strict=True)):
+        d = flight.off[:, k] = body.distance.between(flight.x, flight.y)
         passed = (before > body.top_um) & (flight.z <= body.top_um + 1e-3)
         top = passed & (d < 0) & alive
         _end(flight, top, light, total)
@@ -324,6 +326,7 @@ def _advance(
         wall[near] = (into < 0) | (d[near] < -_TOUCH_UM)
         if body.wall_reflectance > 0:
             _mirror(flight, body, wall)
+            flight.off[wall, k] = _TOUCH_UM
         else:
             alive &= ~wall
     down = alive & (flight.z <= floor_um + 1e-3)
