@@ -80,7 +80,8 @@ def predict(
     profile; there for the narrowest filter too; moves with the target; has the same
     sign at focus errors of two sigma to both sides, and where the target is sharpest
     (no spurious resolution). In a ring's light, where edges are lines and walls throw
-    shadows, a step must stand between points one blur off the drawn edge, too.
+    shadows, a step must stand between points one blur off the drawn edge, too, wherever
+    in their roundings lines lie.
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     image = render() if image is None else image
@@ -93,6 +94,7 @@ def predict(
         kept &= _steadfast(render, target, where, best)
         if render.nuisances.has_lines:
             kept &= _across(render, target, image, where, best)
+            kept &= _lined(render, target, where, best)
     return replace(best, kept=kept)
 
 
@@ -256,20 +258,42 @@ def _across(
     seen: Prediction,
 ) -> BoolArray:
     """Return which steps are those between points one blur off the edge drawn."""
-    blur_px = max(_AIRY / render.blur.cutoff_per_um * target.px_per_um, 1.0)
-    outside, inside = (
-        cubic(
-            image,
-            where[:, 0] + side * blur_px * where[:, 2],
-            where[:, 1] + side * blur_px * where[:, 3],
-        )[0]
-        for side in (1, -1)
-    )
-    across = np.nan_to_num(outside - inside) * np.sign(seen.step)
+    blur_px = _blur_px(render, target)
+    across = _difference(image, where, blur_px) * np.sign(seen.step)
     near = np.abs(seen.offset_px) <= blur_px
     least = np.maximum(_ACROSS * np.abs(seen.step), _TRUSTED)
     found: BoolArray = near & (across >= least)
     return found
+
+
+def _lined(
+    render: LookModel, target: Target, where: FloatArray, seen: Prediction
+) -> BoolArray:
+    """Return which steps are trusted wherever lines of edges lie."""
+    blur_px = _blur_px(render, target)
+    found = np.ones(len(where), dtype=np.bool_)
+    for image in render.line_images():
+        across = _difference(image, where, blur_px) * np.sign(seen.step)
+        found &= (across >= _TRUSTED) & (_local(image, where) * seen.step > 0)
+    return found
+
+
+def _blur_px(render: LookModel, target: Target) -> float:
+    """Return the radius of the blur in focus, a pixel at least."""
+    return max(_AIRY / render.blur.cutoff_per_um * target.px_per_um, 1.0)
+
+
+def _difference(image: FloatArray, where: FloatArray, by_px: float) -> FloatArray:
+    """Return how much brighter an image is outside of edges, so far off them, (N,)."""
+    outside, inside = (
+        cubic(
+            image,
+            where[:, 0] + side * by_px * where[:, 2],
+            where[:, 1] + side * by_px * where[:, 3],
+        )[0]
+        for side in (1, -1)
+    )
+    return np.nan_to_num(outside - inside)
 
 
 def _steadfast(
