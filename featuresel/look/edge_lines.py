@@ -36,10 +36,11 @@ def line_images(
     found = []
     for bare in _bare(case):
         usual = render(bare)()
+        stays = any(layer.edge_line for layer in (*bare.moving, *bare.static))
         for line in _PLACES:
-            lit = render(replace(case, line=line))()
             # lines that stay are the same in both
-            change = lit - render(replace(bare, line=line))()
+            dull = render(replace(bare, line=line))() if stays else usual
+            change = render(replace(case, line=line))() - dull
             found += [np.clip(usual + share * change, 0, 1) for share in _SHARES]
     return tuple(found)
 

@@ -38,8 +38,9 @@ _SWEEP_UM = (-32.0, -16.0, -8.0, -4.0, 0.0)
 _SWEEP_UM = (*_SWEEP_UM, *(-z for z in reversed(_SWEEP_UM[:-1])))
 _ACROSS = 0.5  # of a step must be between points one blur off the edge
 # so much at least: four standard errors of a difference in images in a ring's light,
-# each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`)
-_TRUSTED = 0.07
+# each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`), and of one
+# beside edges, where it errs by .125 rms of all that lies within two blurs
+_TRUSTED, _SWING = 0.07, 0.5
 _AIRY = 1.22  # radius of the first dark ring, over the period of the cutoff
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
@@ -261,7 +262,9 @@ def _across(
     blur_px = _blur_px(render, target)
     across = _difference(image, where, blur_px) * np.sign(seen.step)
     near = np.abs(seen.offset_px) <= blur_px
-    least = np.maximum(_ACROSS * np.abs(seen.step), _TRUSTED)
+    about = np.nan_to_num(profiles(image, where, 2 * blur_px))
+    least = np.maximum(_ACROSS * np.abs(seen.step), _SWING * np.ptp(about, axis=1))
+    least = np.maximum(least, _TRUSTED)
     found: BoolArray = near & (across >= least)
     return found
 
@@ -269,12 +272,14 @@ def _across(
 def _lined(
     render: LookModel, target: Target, where: FloatArray, seen: Prediction
 ) -> BoolArray:
-    """Return which steps are trusted wherever lines of edges lie."""
+    """Return which steps stand wherever lines of edges lie, by half as much."""
     blur_px = _blur_px(render, target)
     found = np.ones(len(where), dtype=np.bool_)
     for image in render.line_images():
         across = _difference(image, where, blur_px) * np.sign(seen.step)
-        found &= (across >= _TRUSTED) & (_local(image, where) * seen.step > 0)
+        about = np.nan_to_num(profiles(image, where, 2 * blur_px))
+        least = np.maximum(_SWING * np.ptp(about, axis=1), _TRUSTED) / 2
+        found &= (across >= least) & (_local(image, where) * seen.step > 0)
     return found
 
 
