@@ -72,7 +72,8 @@ def read_world(path: Path) -> World:
         world = from_data(World, data)
     except (OSError, ValueError, RecursionError) as error:
         raise ExecutorError("MP803", f"{path}: {error}") from error
-    kind, key = world.optics.light_kind, "light_kind"
+    kind: str = world.optics.light_kind
+    key = "light_kind"
     if key not in data["optics"] and data["optics"].get("lamp_share") == 0:
         kind, key = "other", "lamp_share"  # from before kinds: 0 meant not coaxial
     if kind != SHOWN_LIGHT:
