@@ -68,11 +68,16 @@ def read_world(path: Path) -> World:
     """Return the world of a file; MP803 if it cannot be read, MP816 for its light."""
     try:
         text = path.read_text(encoding="utf-8")
-        world = from_data(World, json.loads(text))
+        data = json.loads(text)
+        world = from_data(World, data)
     except (OSError, ValueError, RecursionError) as error:
         raise ExecutorError("MP803", f"{path}: {error}") from error
-    if (kind := world.optics.light_kind) != SHOWN_LIGHT:
-        line = 1 + text[: text.find('"light_kind"')].count("\n")
+    kind: str = world.optics.light_kind
+    key = "light_kind"
+    if key not in data["optics"] and data["optics"].get("lamp_share") == 0:
+        kind, key = "other", "lamp_share"  # from before kinds: 0 meant not coaxial
+    if kind != SHOWN_LIGHT:
+        line = 1 + text[: text.find(f'"{key}"')].count("\n")
         raise ExecutorError(
             "MP816",
             f"the plan's images are of {kind} light, the simulated cell shows "

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.edge_lines import line_images
 from microplan.featuresel.look.occluders import displaced_look, occluders
 from microplan.featuresel.look.scenario import (
     Backdrop,
@@ -161,6 +162,10 @@ class NominalRender:
     def surface_changes(self) -> tuple[SurfaceChange, ...]:
         """Return the changes by surfaces that are not known: see `surface_changes`."""
         return surface_changes(self.case, nominal_render)
+
+    def line_images(self) -> tuple[FloatArray, ...]:
+        """Return the image with other lines of rounded edges: see `line_images`."""
+        return line_images(self.case, nominal_render)
 
     def _picture(
         self,

@@ -247,6 +247,10 @@ class LookModel(Protocol):
         """Return the image changes by walls and faces that are not known."""
         ...
 
+    def line_images(self) -> Sequence[FloatArray]:
+        """Return the images that lines of rounded edges may make it, 0..1."""
+        ...
+
 
 Prepare = Callable[[LookModel, Target], Artifact | Failure]
 Measure = Callable[[FloatArray, Artifact, Guess], Measurement | Failure]

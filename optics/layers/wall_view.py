@@ -58,8 +58,9 @@ def wall_residual(
     shaded : mapping of float to ShadedFace
         By height, what is shaded.
     is_fine : bool
-        Whether walls are traced from closer points: beside edges in focus what they
-        hide changes fast.
+        Whether walls are traced from closer points, and bodies out of focus by more
+        than half a depth of field as such: beside edges near focus what walls hide
+        changes fast.
     """
     if not is_solid([c.layer for c in covered]):
         return None
@@ -75,6 +76,8 @@ def wall_residual(
     widest = max(view.reach_um(height) for height in heights)
     around = grown(area, widest)
     sharp_um = view.near_um / view.reach_um(view.focus_um + 1.0)
+    if is_fine:
+        sharp_um = min(sharp_um, m.wave_depth_um / 2)
     found = solid_bodies(layers, view.focus_um, around, sharp_um)
     found.sort(key=lambda pair: (pair[0].z_um, pair[0].name))
     tables = {

@@ -4,7 +4,7 @@ In: `Scene` whose layers send what this light makes them send, `Microscope` (wit
 aperture of a lamp below), `RingLamp`; layers blurred by optics.render. Out: noise-free
 images to featuresel.look and planner.looks.
 The type that passes: `Lamp` (lamps).
-May be touched here: directions and lattices of the ring, within what
-tests/optics/light traces point by point; how many clear bodies are rendered.
+May be touched here: directions and lattices of the ring, stairs of a mirrored strip:
+within what tests/optics/light traces; how many clear bodies are rendered.
 Watched by: tests/optics/light/test_transmitted.py and test_ring.py.
 """

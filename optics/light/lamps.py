@@ -69,8 +69,9 @@ def edge_line(
 
     A surface tilted by half the light's angle from the axis mirrors it along the axis.
     Of a quarter of a circle of radius r such tilts take up r (sin(b / 2) - sin(a / 2)),
-    for angles a to b. The line is as bright as the lamp times what is mirrored; where
-    it lies on a rounding that is no circle is not known.
+    for angles a to b. It is as bright as the lamp times what is mirrored; lenses spread
+    it (`microplan.optics.light.mirrored_strip`). Where it lies on a rounding that is no
+    circle is not known.
 
     Parameters
     ----------

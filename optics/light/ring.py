@@ -13,6 +13,7 @@ from microplan.optics.layers.coaxial_light import area_um, fine_um
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.wall_view import wall_residual
 from microplan.optics.light.lamps import RingLamp
+from microplan.optics.light.mirrored_strip import MirroredStrip, mirrored_strip
 from microplan.optics.light.ring_shadow import ring_irradiance
 from microplan.optics.outline.offset import offset
 from microplan.optics.outline.outline import Outline
@@ -69,9 +70,9 @@ def render_ring(
     Notes
     -----
     Each face is blurred with the share of the ring on it, as in
-    `microplan.optics.layers.shading.render_coaxial`. Lines are added: they are as wide
-    as the part of a rounding that mirrors the ring into the lens, and are hidden by the
-    mean coverage of what is higher.
+    `microplan.optics.layers.shading.render_coaxial`. Lines are added: each is the strip
+    of a rounding that mirrors the ring into the lens, as bright as the share of the
+    pupil that it fills, and is hidden by the mean coverage of what is higher.
     """
     frame = window or full(microscope)
     covered = partial(
@@ -108,7 +109,8 @@ def render_ring(
     ):
         if change is not None:
             image += change
-    image += _lines(everything, faces, line, covered)
+    strip = mirrored_strip(lamp, microscope.aperture / microscope.medium_index)
+    image += _lines(everything, faces, (line, strip), covered)
     light_up(image, microscope, frame, light or Illumination())
     return image
 
@@ -135,18 +137,18 @@ def _lit(
 def _lines(
     everything: Sequence[Covered],
     faces: Mapping[float, ShadedFace],
-    line: float,
+    line: tuple[float, MirroredStrip],
     covered: Callable[[Sequence[Layer]], tuple[Covered, ...]],
 ) -> FloatArray:
     """Return the light of all lines at the pixels, (rows, columns)."""
     total = np.zeros(everything[0].coverage.shape) if everything else np.zeros((1, 1))
     for each in everything:
         layer = each.layer
-        band = line_layer(layer, line)
+        band = line_layer(layer, *line)
         if band is None or layer.edge_line is None or not each.coverage.any():
             continue
         (seen,) = covered([band])
-        light = layer.edge_line.level * seen.coverage
+        light = layer.edge_line.level * line[1].share * seen.coverage
         if layer.z_um in faces:
             light = light * faces[layer.z_um].seen
         for other in everything:
@@ -156,18 +158,25 @@ def _lines(
     return total
 
 
-def line_layer(layer: Layer, line: float) -> Layer | None:
-    """Return the band of a face that a line takes up, None if it has no line.
+def line_layer(layer: Layer, line: float, strip: MirroredStrip) -> Layer | None:
+    """Return the bands of a face that a line takes up, None if it has no line.
 
     `line` is 0 where it begins at the drawn edge and 1 where it ends a radius inside.
+    Where bands of the strip lie over each other, they cover as many times.
     """
     edge = layer.edge_line
     if edge is None or edge.level == 0:
         return None
-    outer_um = line * (edge.radius_um - edge.width_um)
+    by = line * (1 - strip.width) - min(strip.outer)
     rounded = Outline(rings=layer.outline.rings[: edge.rings])
-    band = _band(rounded, outer_um, outer_um + edge.width_um)
-    return replace(layer, outline=band, edge_line=None, underside_um=None)
+    bands = [
+        _band(rounded, (outer + by) * edge.radius_um, (inner + by) * edge.radius_um)
+        for outer, inner in zip(strip.outer, strip.inner, strict=True)
+    ]
+    rings = tuple(ring for band in bands for ring in band.rings)
+    return replace(
+        layer, outline=Outline(rings=rings), edge_line=None, underside_um=None
+    )
 
 
 @lru_cache(maxsize=64)

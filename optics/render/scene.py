@@ -13,7 +13,7 @@ class EdgeLine:
     """Bright line that the rounded edges of a face mirror from a ring of light."""
 
     level: float  # share of full scale, of which a white dull face gives 1
-    width_um: float
+    width_um: float  # along the axis, through a narrow pupil
     radius_um: float  # of the rounding: the line lies within so much of the edge
     rings: int  # the first ones of the outline are rounded
 

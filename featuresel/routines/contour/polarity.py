@@ -38,8 +38,9 @@ _SWEEP_UM = (-32.0, -16.0, -8.0, -4.0, 0.0)
 _SWEEP_UM = (*_SWEEP_UM, *(-z for z in reversed(_SWEEP_UM[:-1])))
 _ACROSS = 0.5  # of a step must be between points one blur off the edge
 # so much at least: four standard errors of a difference in images in a ring's light,
-# each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`)
-_TRUSTED = 0.07
+# each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`), and of one
+# beside edges, where it errs by .125 rms of all that lies within two blurs
+_TRUSTED, _SWING = 0.07, 0.5
 _AIRY = 1.22  # radius of the first dark ring, over the period of the cutoff
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
@@ -80,7 +81,8 @@ def predict(
     profile; there for the narrowest filter too; moves with the target; has the same
     sign at focus errors of two sigma to both sides, and where the target is sharpest
     (no spurious resolution). In a ring's light, where edges are lines and walls throw
-    shadows, a step must stand between points one blur off the drawn edge, too.
+    shadows, a step must stand between points one blur off the drawn edge, too, wherever
+    in their roundings lines lie.
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     image = render() if image is None else image
@@ -93,6 +95,7 @@ def predict(
         kept &= _steadfast(render, target, where, best)
         if render.nuisances.has_lines:
             kept &= _across(render, target, image, where, best)
+            kept &= _lined(render, target, where, best)
     return replace(best, kept=kept)
 
 
@@ -256,20 +259,46 @@ def _across(
     seen: Prediction,
 ) -> BoolArray:
     """Return which steps are those between points one blur off the edge drawn."""
-    blur_px = max(_AIRY / render.blur.cutoff_per_um * target.px_per_um, 1.0)
+    blur_px = _blur_px(render, target)
+    across = _difference(image, where, blur_px) * np.sign(seen.step)
+    near = np.abs(seen.offset_px) <= blur_px
+    about = np.nan_to_num(profiles(image, where, 2 * blur_px))
+    least = np.maximum(_ACROSS * np.abs(seen.step), _SWING * np.ptp(about, axis=1))
+    least = np.maximum(least, _TRUSTED)
+    found: BoolArray = near & (across >= least)
+    return found
+
+
+def _lined(
+    render: LookModel, target: Target, where: FloatArray, seen: Prediction
+) -> BoolArray:
+    """Return which steps stand wherever lines of edges lie, by half as much."""
+    blur_px = _blur_px(render, target)
+    found = np.ones(len(where), dtype=np.bool_)
+    for image in render.line_images():
+        across = _difference(image, where, blur_px) * np.sign(seen.step)
+        about = np.nan_to_num(profiles(image, where, 2 * blur_px))
+        least = np.maximum(_SWING * np.ptp(about, axis=1), _TRUSTED) / 2
+        found &= (across >= least) & (_local(image, where) * seen.step > 0)
+    return found
+
+
+def _blur_px(render: LookModel, target: Target) -> float:
+    """Return the radius of the blur in focus, a pixel at least."""
+    return max(_AIRY / render.blur.cutoff_per_um * target.px_per_um, 1.0)
+
+
+def _difference(image: FloatArray, where: FloatArray, by_px: float) -> FloatArray:
+    """Return how much brighter an image is outside of edges, so far off them, (N,)."""
     outside, inside = (
         cubic(
             image,
-            where[:, 0] + side * blur_px * where[:, 2],
-            where[:, 1] + side * blur_px * where[:, 3],
+            where[:, 0] + side * by_px * where[:, 2],
+            where[:, 1] + side * by_px * where[:, 3],
         )[0]
         for side in (1, -1)
     )
-    across = np.nan_to_num(outside - inside) * np.sign(seen.step)
-    near = np.abs(seen.offset_px) <= blur_px
-    least = np.maximum(_ACROSS * np.abs(seen.step), _TRUSTED)
-    found: BoolArray = near & (across >= least)
-    return found
+    return np.nan_to_num(outside - inside)
 
 
 def _steadfast(

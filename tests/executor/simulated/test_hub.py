@@ -41,3 +41,22 @@ def test_a_world_from_before_kinds_of_light_is_of_coaxial_light() -> None:
     data = to_data(world())
     del data["optics"]["light_kind"]
     assert from_data(World, data).optics.light_kind == "coaxial"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_a_world_from_before_kinds_of_light_says_that_its_lamp_is_not_coaxial(
+    tmp_path: Path, share: float
+) -> None:
+    data = to_data(world())
+    del data["optics"]["light_kind"]
+    data["optics"]["lamp_share"] = share
+    file = tmp_path / "world.json"
+    file.write_text(json.dumps(data, indent=2), encoding="utf-8")
+    if share:
+        assert read_world(file).optics.light_kind == "coaxial"
+        return
+    with pytest.raises(ExecutorError, match=r"other light.*coaxial") as found:
+        read_world(file)
+    assert found.value.code == "MP816"
+    line = int(str(found.value.place).rpartition(":")[2])
+    assert '"lamp_share": 0.0' in file.read_text().splitlines()[line - 1]

@@ -19,6 +19,27 @@ from microplan.optics.outline.outline import Outline, flatten
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SharpRounding:
+    """A mirror rounded as a quarter of an ellipse, from the face down to the wall."""
+
+    level: float  # what it sends where it mirrors the ring
+    radius_um: float  # sideways
+    steepness: float = 1.0  # height over `radius_um`
+
+    def at(self, inward_um: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far below the face it lies, um, and its tilt, rad; arrays (N,)."""
+        across = np.clip(1 - inward_um / self.radius_um, 0.0, 1.0)
+        along = np.sqrt(1 - across**2)
+        down_um = self.steepness * self.radius_um * (1 - along)
+        return down_um, np.arctan2(self.steepness * across, along)
+
+    def inward_um(self, tilt_rad: float) -> float:
+        """Return how far inside the edge it has a tilt."""
+        along = math.atan2(math.sin(tilt_rad) / self.steepness, math.cos(tilt_rad))
+        return self.radius_um * (1 - math.sin(along))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SharpPrism:
     """A body for rays: a polygon between two heights, um."""
 
@@ -27,8 +48,7 @@ class SharpPrism:
     top_um: float
     sends: float = 0.0  # what its face sends back dully
     clear: float = 0.0  # what it lets through
-    # a bright line: its level, and between which distances inside the edge it lies, um
-    lines: tuple[float, float, float] | None = None
+    rounding: SharpRounding | None = None  # of all edges of its face
 
 
 def sharp_polygon(outline: Outline, chord_um: float = 0.01) -> BaseGeometry:
@@ -88,17 +108,22 @@ def seen_under_ring(
     """Return what points of the plane in focus show of faces in a ring's light, (N,).
 
     Each ray goes down to the first face or wall that it meets; walls are black. From a
-    face `to_ring` rays go up at elevations even in the squared sine from the axis.
+    face `to_ring` rays go up at elevations even in the squared sine from the axis; a
+    rounding mirrors each ray by its own tilt, to the ring or past it.
     """
     x, slopes, _ = _rays(points_um, aperture, rays, seed)
     value, height = np.full(len(x), floor), np.full(len(x), floor_um)
+    mirrored = np.zeros(len(x))
     for body in sorted(bodies, key=lambda b: b.top_um):
         met = _meets(body, x, slopes, focus_um)
         at_top = x + slopes * (body.top_um - focus_um)
-        face = shapely.contains_xy(body.polygon, *at_top.T)
-        shown_there = np.where(face, body.sends + _line(body, at_top), 0.0)
-        value = np.where(met, shown_there, value)
+        face = met & shapely.contains_xy(body.polygon, *at_top.T)
+        value = np.where(met, np.where(face, body.sends, 0.0), value)
         height = np.where(met, body.top_um, height)
+        mirrored[met] = 0.0
+        mirrored[face] = _mirrored(
+            body, at_top[face], slopes[face], elevation_rad, bodies
+        )
     where = x + slopes * (height - focus_um)[:, None]
     rng = np.random.default_rng(seed + 1)
     low, high = (math.cos(e) ** 2 for e in elevation_rad)
@@ -108,17 +133,60 @@ def seen_under_ring(
         angle = rng.uniform(0, 2 * math.pi, len(x))
         tangent = sine / np.sqrt(1 - sine**2)
         way = np.column_stack([tangent * np.cos(angle), tangent * np.sin(angle)])
-        free = np.ones(len(x), dtype=np.bool_)
-        for body in bodies:
-            low_um = np.maximum(body.low_um - height, 0.0)
-            high_um = body.top_um - height
-            ends = [where + way * end[:, None] for end in (low_um, high_um)]
-            line = shapely.linestrings(np.stack(ends, axis=1))
-            stops = shapely.intersects(body.polygon, line) & (high_um > 0)
-            free &= ~stops
-        shown += free
-    each = (value * shown / to_ring).reshape(len(points_um), rays)
+        shown += _free(bodies, where, height, way)
+    each = (value * shown / to_ring + mirrored).reshape(len(points_um), rays)
     found: FloatArray = each.mean(axis=1)
+    return found
+
+
+def _free(
+    bodies: Sequence[SharpPrism],
+    where: FloatArray,
+    height_um: FloatArray,
+    slopes: FloatArray,
+) -> np.ndarray:
+    """Return which rays from points of heights pass all bodies on their way up."""
+    free = np.ones(len(where), dtype=np.bool_)
+    for body in bodies:
+        low_um = np.maximum(body.low_um - height_um, 0.0)
+        high_um = body.top_um - height_um
+        ends = [where + slopes * end[:, None] for end in (low_um, high_um)]
+        line = shapely.linestrings(np.stack(ends, axis=1))
+        stops = shapely.intersects(body.polygon, line) & (high_um > 0)
+        free &= ~stops
+    return free
+
+
+def _mirrored(
+    body: SharpPrism,
+    at_top: FloatArray,
+    slopes: FloatArray,
+    elevation_rad: tuple[float, float],
+    bodies: Sequence[SharpPrism],
+) -> FloatArray:
+    """Return what rays that pass points of a face's height find in its rounding."""
+    found, rounding = np.zeros(len(at_top)), body.rounding
+    if rounding is None or not len(at_top):
+        return found
+    rim, at = shapely.boundary(body.polygon), at_top
+    for _ in range(3):  # the rounding lies a little below the face
+        inward_um = np.asarray(shapely.distance(rim, shapely.points(at)))
+        down_um, tilt = rounding.at(inward_um)
+        at = at_top - slopes * down_um[:, None]
+    points = shapely.points(at)
+    near = shapely.get_coordinates(shapely.shortest_line(points, rim))[1::2]
+    inward = shapely.contains_xy(body.polygon, *at.T)
+    outwards = (near - at) / np.maximum(inward_um, 1e-9)[:, None]
+    normal = np.column_stack([outwards * np.sin(tilt)[:, None], np.cos(tilt)])
+    up = np.column_stack([slopes, np.ones(len(slopes))])
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    light = 2 * (up * normal).sum(axis=1)[:, None] * normal - up
+    low, high = (math.sin(e) for e in elevation_rad)
+    lit = inward & (inward_um < rounding.radius_um)
+    lit &= (light[:, 2] >= low) & (light[:, 2] <= high)
+    way = light[lit, :2] / light[lit, 2:]
+    height = np.full(int(lit.sum()), body.top_um)
+    found[lit] = rounding.level * _free(bodies, at[lit], height, way)
     return found
 
 
@@ -135,15 +203,6 @@ def _rays(
     tangent = sine / np.sqrt(1 - sine**2)
     way = np.column_stack([tangent * np.cos(angle), tangent * np.sin(angle)])
     return np.repeat(points_um, rays, axis=0), way, sine
-
-
-def _line(body: SharpPrism, at: FloatArray) -> FloatArray:
-    """Return what the line of a face's edges adds at points, (N,)."""
-    if body.lines is None:
-        return np.zeros(len(at))
-    level, outer_um, inner_um = body.lines
-    inside = shapely.distance(shapely.boundary(body.polygon), shapely.points(at))
-    return np.where((inside >= outer_um) & (inside <= inner_um), level, 0.0)
 
 
 def _meets(

@@ -12,11 +12,13 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.optics.light.lamps import RingLamp, directions, edge_line
+from microplan.optics.light.mirrored_strip import lit_share, mirrored_strip
 from microplan.optics.light.ring import line_layer, render_ring
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Layer, Scene
 from tests.optics.light.sharp_rays import (
     SharpPrism,
+    SharpRounding,
     pixel_points,
     seen_under_ring,
     sharp_polygon,
@@ -26,6 +28,7 @@ from tests.optics.shapes import disc, gear, microscope, rectangle
 SHARP = replace(microscope(6.9, 140, 120), wavelength_um=0.15)
 RING = RingLamp(low_rad=math.radians(20), high_rad=math.radians(50))
 FLOOR_UM, FLOOR = -30.0, 0.5
+SINE = 0.42  # of the lens' half angle
 FINGER = rectangle(30, -20, 140, 20)
 OVER, RAYS, TO_RING, PIXELS = 5, 4, 6, 30
 IndexArray = npt.NDArray[np.int64]
@@ -113,11 +116,15 @@ def test_the_line_lies_within_the_rounding_and_carries_its_light(
     assert line is not None
     layer = Layer(name="disc", outline=disc(20.0), z_um=0.0, reflectance=0.3)
     lit = replace(layer, edge_line=line)
-    band = line_layer(lit, position)
-    assert band is not None
-    outer, inner = (20.0 - d for d in (position * (4 - line.width_um),
-                    position * (4 - line.width_um) + line.width_um))  # fmt: skip
-    assert band.outline.area_um2 == pytest.approx(math.pi * (outer**2 - inner**2))
+    strip = mirrored_strip(RING, SINE)
+    bands = line_layer(lit, position, strip)
+    assert bands is not None
+    by = position * (1 - strip.width) - min(strip.outer)
+    areas = [
+        math.pi * ((20 - 4 * (outer + by)) ** 2 - (20 - 4 * (inner + by)) ** 2)
+        for outer, inner in zip(strip.outer, strip.inner, strict=True)
+    ]
+    assert bands.outline.area_um2 == pytest.approx(sum(areas))
     scope = microscope(6.9, 80, 80)
     images: list[FloatArray] = [
         render_ring(Scene(layers=(each,), background=0.0), scope, focus_um=0.0,
@@ -125,7 +132,68 @@ def test_the_line_lies_within_the_rounding_and_carries_its_light(
         for each in (lit, layer)
     ]  # fmt: skip
     extra = float((images[0] - images[1]).sum()) * scope.um_per_px**2
-    assert extra == pytest.approx(line.level * band.outline.area_um2, rel=0.01)
+    assert extra == pytest.approx(line.level * strip.share * sum(areas), rel=0.01)
+
+
+def test_each_ray_of_the_pupil_sees_the_ring_by_tilts_of_its_own() -> None:
+    # by chance: rays of the pupil, mirrored at normals as Householder does
+    rng = np.random.default_rng(3)
+    count = 4000
+    part = SINE * np.sqrt(rng.random(count))
+    angle = rng.uniform(0, 2 * math.pi, count)
+    view = np.stack([part * np.cos(angle), part * np.sin(angle), np.sqrt(1 - part**2)])
+    inward, share = lit_share(RING, SINE)
+    for k in range(0, len(inward), 50):
+        tilt = math.asin(1 - inward[k])
+        normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+        light = (2 * np.outer(normal, normal) - np.eye(3)) @ view
+        elevation = np.arcsin(light[2])
+        lit = (elevation >= RING.low_rad) & (elevation <= RING.high_rad)
+        error = math.sqrt(share[k] * (1 - share[k]) / count)
+        assert lit.mean() == pytest.approx(share[k], abs=4 * error + 0.003)
+    # a narrow pupil sees what a single ray along the axis does
+    narrow = mirrored_strip(RING, 1e-6)
+    line = edge_line(RING, mirrored=1.0, radius_um=1.0, rings=1)
+    assert line is not None
+    assert narrow.width == pytest.approx(line.width_um, abs=2e-3)
+    assert narrow.share * 3 == pytest.approx(1.0, abs=0.01)
+
+
+def test_stairs_of_a_strip_send_what_the_strip_does() -> None:
+    inward, share = lit_share(RING, SINE)
+    strip = mirrored_strip(RING, SINE)
+    outer, inner = np.array(strip.outer), np.array(strip.inner)
+    wide, middle = inner - outer, (inner + outer) / 2
+    total = share.mean()
+    assert strip.share * wide.sum() == pytest.approx(total, rel=1e-9)
+    # a stair of three lies within a sixth of the largest share
+    mean = (inward * share).mean() / total
+    sigma = math.sqrt(((inward - mean) ** 2 * share).mean() / total)
+    assert (wide * middle).sum() / wide.sum() == pytest.approx(mean, abs=0.01)
+    spread = (wide * ((middle - mean) ** 2 + wide**2 / 12)).sum() / wide.sum()
+    assert math.sqrt(spread) == pytest.approx(sigma, rel=1 / 6)
+
+
+def test_rays_find_a_rounded_mirror_as_bright_as_its_strip() -> None:
+    radius_um = 4.0
+    plate = SharpPrism(
+        polygon=sharp_polygon(rectangle(-40, -40, 0, 40)),
+        low_um=FLOOR_UM,
+        top_um=0.0,
+        rounding=SharpRounding(level=1.0, radius_um=radius_um),
+    )
+    x = -radius_um * (np.arange(80) + 0.5) / 80
+    seen = seen_under_ring(
+        np.column_stack([x, np.zeros(80)]), [plate], focus_um=0.0, aperture=SINE,
+        elevation_rad=(RING.low_rad, RING.high_rad), floor_um=FLOOR_UM, floor=0.0,
+        rays=400, to_ring=1,
+    )  # fmt: skip
+    inward, share = lit_share(RING, SINE)
+    # the strip lies up to .3 radii below the face, where rays from there have spread by
+    # .3 x .46 of one at most, to both sides
+    assert seen.mean() == pytest.approx(share.mean(), rel=0.04)
+    middle = -(x * seen).sum() / seen.sum() / radius_um
+    assert middle == pytest.approx((inward * share).sum() / share.sum(), abs=0.07)
 
 
 def test_a_dull_edge_has_no_line_and_a_large_rounding_is_refused() -> None:
@@ -135,4 +203,4 @@ def test_a_dull_edge_has_no_line_and_a_large_rounding_is_refused() -> None:
     thin = Layer(name="thin", outline=rectangle(0, 0, 3, 40), z_um=0.0,
                  reflectance=0.3, edge_line=line)  # fmt: skip
     with pytest.raises(ValueError, match="vanish"):
-        line_layer(thin, 0.5)
+        line_layer(thin, 0.5, mirrored_strip(RING, SINE))
