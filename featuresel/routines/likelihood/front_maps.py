@@ -18,7 +18,9 @@ _DEPTHS = 2.0  # wave depths of field between heights: what is in front is blurr
 _MOST = 9  # heights
 _JOINT = 15  # heights of the joint part, closer near focus: each takes 18 images
 _DENSE = 1.5  # depths about focus, where they are closest
-_FAR = 0.5  # of the search, that the target is displaced by along both axes
+# Of the search, that the target is displaced by along both axes: what is let through
+# farther out is not learnt.
+_FAR = 1.0
 _SAME = 0.002  # of full scale: an image that differs less from the target alone is it
 # Of the distance to the occluder: there a tenth of its light seems to come from, by
 # the exact law at an aperture of .42 against Hopkins'; .2 to .3 serve equally well.
@@ -68,7 +70,7 @@ def front_maps(
     Notes
     -----
     In focus a line through what each pixel shows against the target alone, at six
-    positions of the target, nominal and as far as half its search: what covers or
+    positions of the target, nominal and as far as its search: what covers or
     shades it, what is seen next to it, and what shades what. The slope is that of
     `LookModel.occluders` where the target's light hardly varies, and so is what focus
     changes. What is left, displaced with the target, is the joint part: a parabola
