@@ -9,16 +9,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from microplan.arrays import FloatArray, Point
+from microplan.featuresel.routines.contour.polarity import FAINT
 from microplan.featuresel.routines.contract import Occluders, Target, TargetKind
 
 # Of the most light that any of the edges sends through: at the middle of a blurred edge
 # of the occluder half of it comes through.
 _THROUGH = 0.5
-_DARK = 0.05  # of unshaded light: less is no sight, even where no edge has more
 
 
-def seen_share(target: Target, occluders: Occluders) -> float | None:
+def seen_share(
+    target: Target, occluders: Occluders, *, contrast: float
+) -> float | None:
     """Return the share of a target's edges that is seen at its nominal pose.
+
+    What lets through so little that the target's contrast drowns hides it, even where
+    nothing lets through more.
 
     Parameters
     ----------
@@ -26,6 +31,8 @@ def seen_share(target: Target, occluders: Occluders) -> float | None:
         With its contour, whose points are evenly along the edges.
     occluders : Occluders
         In front of it, (rows, columns) of the region.
+    contrast : float
+        Of the target alone in the look's light, from dark to bright, full scale 1.
 
     Returns
     -------
@@ -44,8 +51,9 @@ def seen_share(target: Target, occluders: Occluders) -> float | None:
         np.rint(column[inside]).astype(np.intp).clip(0, columns - 1),
     )
     through = occluders.through[at]
-    least = max(_DARK, _THROUGH * float(through.max(initial=0.0)))
-    return float(np.count_nonzero(through > least) / len(column))
+    is_plain = through * contrast >= FAINT
+    is_clear = through > _THROUGH * float(through.max(initial=0.0))
+    return float(np.count_nonzero(is_plain & is_clear) / len(column))
 
 
 def contour_px(target: Target) -> tuple[FloatArray, FloatArray]:

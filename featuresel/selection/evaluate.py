@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from microplan.featuresel.features.feature import seen_share
 from microplan.featuresel.limits.crlb import limit_um
 from microplan.featuresel.look.nominal import nominal_render
@@ -134,9 +136,7 @@ def compare_routines(
     known = (looks or Looks()).of(case, root_seed)
     if rejected is not None:
         rejected.before.remind(known)
-    visible = known.fact(
-        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
-    )
+    visible = known.fact("visible", lambda: visible_share(case))
     hopeless = not is_fit(case, visible, bounds)
     once = thorough or hopeless
     judge = _Judge(
@@ -161,6 +161,13 @@ def compare_routines(
     if once or has_margin(case, found.selection, bounds):
         return found
     return judge.with_expensive(found)
+
+
+def visible_share(case: LookCase) -> float | None:
+    """Return the share of the target's edges that a look shows, None if not known."""
+    render = nominal_render(case)
+    contrast = float(np.ptp(render.alone()))
+    return seen_share(case.target, render.occluders(), contrast=contrast)
 
 
 def has_margin(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:

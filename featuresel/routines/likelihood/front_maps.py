@@ -18,7 +18,9 @@ _DEPTHS = 2.0  # wave depths of field between heights: what is in front is blurr
 _MOST = 9  # heights
 _JOINT = 15  # heights of the joint part, closer near focus: each takes 18 images
 _DENSE = 1.5  # depths about focus, where they are closest
-_FAR = 0.5  # of the search, that the target is displaced by along both axes
+# Of the search, that the target is displaced by along both axes. In focus all of it:
+# what is let through farther out is not learnt. A parabola is nearer to less.
+_FAR, _JOINT_FAR = 1.0, 0.5
 _SAME = 0.002  # of full scale: an image that differs less from the target alone is it
 # Of the distance to the occluder: there a tenth of its light seems to come from, by
 # the exact law at an aperture of .42 against Hopkins'; .2 to .3 serve equally well.
@@ -68,11 +70,11 @@ def front_maps(
     Notes
     -----
     In focus a line through what each pixel shows against the target alone, at six
-    positions of the target, nominal and as far as half its search: what covers or
+    positions of the target, nominal and as far as its search: what covers or
     shades it, what is seen next to it, and what shades what. The slope is that of
     `LookModel.occluders` where the target's light hardly varies, and so is what focus
     changes. What is left, displaced with the target, is the joint part: a parabola
-    over positions. In focus there is none.
+    over positions half as far. In focus there is none.
     """
     if float(np.abs(image - np.clip(model.alone(), 0, 1)).max()) < _SAME:
         return None
@@ -80,8 +82,11 @@ def front_maps(
     heights = np.linspace(-reach_um, reach_um, min(count, _MOST))
     depth_um = _DENSE * model.blur.depth_um
     steps = np.arcsinh(reach_um / depth_um) * np.linspace(-1, 1, _JOINT)
-    shown = [_Displaced.at(model, target, depth_um * float(np.sinh(s))) for s in steps]
-    beside = shown[_JOINT // 2].change()
+    shown = [
+        _Displaced.at(model, target, depth_um * float(np.sinh(s)), share=_JOINT_FAR)
+        for s in steps
+    ]
+    beside = _Displaced.at(model, target, 0.0, share=_FAR).change()
     found = [model.occluders(dz) for dz in heights.tolist()]
     cores = _cores(model, target, heights)
     parts = [each.joint(beside) for each in shown]
@@ -107,9 +112,11 @@ class _Displaced:
     assumed: Occluders
 
     @classmethod
-    def at(cls, model: LookModel, target: Target, dz_um: float) -> _Displaced:
-        """Return the look `dz_um` off nominal focus."""
-        far = max(round(_FAR * target.search_px), 1)
+    def at(
+        cls, model: LookModel, target: Target, dz_um: float, *, share: float
+    ) -> _Displaced:
+        """Return the look `dz_um` off nominal focus, displaced by a share of search."""
+        far = max(round(share * target.search_px), 1)
         moves = np.concatenate((far * _BESIDE, _BETWEEN))
         places = (moves * [1, -1] / target.px_per_um).tolist()
         return cls(

@@ -27,7 +27,10 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Routine,
 )
-from microplan.featuresel.routines.likelihood.appearance import ImagePose
+from microplan.featuresel.routines.likelihood.appearance import (
+    ImagePose,
+    OccluderBlur,
+)
 from microplan.featuresel.routines.likelihood.comparison import (
     DefocusedImage,
     ImageComparison,
@@ -54,6 +57,9 @@ _DIMMEST = 0.02  # of the nominal light: less is rounding
 _STEP_CAPTURE_PX = 0.35  # how far off one step starts
 _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 _FAR_PX = 3.0  # the most that the fit may move from the guess
+# Standard deviations of chi squared that noise explains; beyond, the focus may have the
+# wrong sign.
+_DOUBTFUL = 2.0
 
 
 def measure(
@@ -87,7 +93,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 LIKELIHOOD = Routine(
     name="likelihood",
-    version="7",
+    version="8",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -152,10 +158,32 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     that settles is not doubted here but by `answer`.
     """
     found = fit_pose(job, surfaces_first(job, start))
-    if isinstance(found, PoseFit) or job.front is None:
+    if isinstance(found, PoseFit):
+        return _righted(job, found)
+    if job.front is None:
         return found
     near = fit_pose(job.held, start)
     return near if isinstance(near, Failure) else fit_pose(job, near.pose)
+
+
+def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
+    """Return a fit that noise explains, else the better one of both signs of focus.
+
+    From a start that is off, a fit may settle as far out of focus on the other side.
+    """
+    noise = math.sqrt(2 / found.pixels)
+    if job.front is None or found.chi2 <= 1 + _DOUBTFUL * noise:
+        return found
+    pose, blur = found.pose, found.pose.occluder_blur
+    there = replace(
+        pose,
+        z_um=pose.z_um if job.squared else -pose.z_um,
+        front=OccluderBlur(focus_um=-blur.focus_um),
+    )
+    other = fit_pose(job, surfaces_first(job, there))
+    if isinstance(other, PoseFit) and other.chi2 < found.chi2:
+        return other
+    return found
 
 
 def _at_mark(

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from microplan.featuresel.features.feature import Feature, seen_share
+from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.features import propose
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
@@ -17,6 +17,7 @@ from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Measurement
 from microplan.featuresel.selection.constraints import Constraints
+from microplan.featuresel.selection.evaluate import visible_share
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
@@ -104,7 +105,7 @@ def sight(case: LookCase, feature: Feature, chain: Chain) -> FeatureMeasurement 
             tolerance_um=aim.tolerance_um,
             tolerance_theta_rad=aim.tolerance_theta_rad,
             target=aim.target,
-            visible=seen_share(aim.target, nominal_render(aim).occluders()),
+            visible=visible_share(aim),
             in_set=True,
         ),
     )

@@ -11,9 +11,9 @@ import pytest
 
 from microplan.featuresel.features.feature import Feature, seen_share
 from microplan.featuresel.features.features import propose
-from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Occluders
+from microplan.featuresel.selection.evaluate import visible_share
 from microplan.featuresel.sets.criteria import (
     COLUMNS,
     Candidate,
@@ -159,7 +159,7 @@ def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:
         outline, ELL, column=99.5, row=99.5, theta_rad=0.0, px_per_um=1.0
     )
     clear = Occluders(light=np.zeros((rows, columns)), through=np.ones((rows, columns)))
-    assert seen_share(target, clear) == 1.0
+    assert seen_share(target, clear, contrast=0.5) == 1.0
     # a finger over all that is left of the middle: x below the middle of the bounds
     through = clear.through.copy()
     through[:, :100] = 0.0
@@ -167,18 +167,28 @@ def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:
     expected = 1 - (60 + 110 + 40 + 80 + 20) / 460
     covered = Occluders(light=clear.light, through=through)
     # points are half a pixel apart, of 460 um of edges
-    assert seen_share(target, covered) == pytest.approx(expected, abs=4 * 0.5 / 460)
+    share = seen_share(target, covered, contrast=0.5)
+    assert share == pytest.approx(expected, abs=4 * 0.5 / 460)
     aside = replace(target, column=-1000.0)
-    assert seen_share(aside, clear) == 0.0
-    assert seen_share(replace(target, contour=()), clear) is None
+    assert seen_share(aside, clear, contrast=0.5) == 0.0
+    assert seen_share(replace(target, contour=()), clear, contrast=0.5) is None
+
+
+def test_an_edge_behind_a_dark_occluder_is_seen_by_its_own_step() -> None:
+    outline = kinds("outline")[0]
+    target = target_of(
+        outline, ELL, column=99.5, row=99.5, theta_rad=0.0, px_per_um=1.0
+    )
+    dark = np.full((200, 200), 0.047)
+    occluder = Occluders(light=np.full((200, 200), 0.2), through=dark)
+    # of 8 bits a step of .47 x .047 is 5.6 levels, one of .2 x .047 is 2.4
+    assert seen_share(target, occluder, contrast=0.47) == 1.0
+    assert seen_share(target, occluder, contrast=0.2) == 0.0
 
 
 def test_fingers_over_a_gear_hide_a_part_of_it(look: Callable[[str], LookCase]) -> None:
     free, between = look("find_gear"), look("between")
-    shares = [
-        seen_share(case.target, nominal_render(case).occluders())
-        for case in (free, between)
-    ]
+    shares = [visible_share(case) for case in (free, between)]
     assert shares[0] == 1.0
     assert shares[1] is not None
     assert 0 < shares[1] <= 1
