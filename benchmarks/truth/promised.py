@@ -59,7 +59,7 @@ def _unseen(look: Look) -> FloatArray:
         for each in costs
         if each is not None and look.together is None
     ]
-    found: FloatArray = np.sum([np.zeros((3, 2)), *rows], axis=0)
+    found: FloatArray = np.array(rows, dtype=np.float64).reshape(-1, 3, 2).sum(axis=0)
     return found
 
 
