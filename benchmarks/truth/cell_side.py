@@ -97,6 +97,13 @@ def at_rest(world: World) -> World:
     )  # fmt: skip
 
 
+def as_tried(world: World, surface: Surface) -> World:
+    """Return a world in which nothing errs that a look's trials leave to the budget."""
+    lens = replace(world.optics.lens, distortion_sigma=0.0, scale_sigma_per_um=0.0)
+    optics = replace(world.optics, lens=lens)
+    return at_rest(with_surface(replace(world, optics=optics), surface))
+
+
 def _exact(axes: WorldAxes) -> WorldAxes:
     """Return axes that land where they are sent."""
     return replace(

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.truth.cell_side import at_rest, put, scenes_of, with_surface
+from benchmarks.truth.cell_side import as_tried, put, scenes_of
 from benchmarks.truth.compiler_side import Surface, TrialCase, task_of, trial_cases
-from benchmarks.truth.examples import GEAR, stated_plan
+from benchmarks.truth.examples import GEAR, PRESET, stated_plan
+from benchmarks.truth.promised import Promise, angles_before, promised
 from microplan.arrays import FloatArray
 from microplan.executor.analysis.pictures import Viewer, viewer
 from microplan.executor.devices.errors import ExecutorError
@@ -23,12 +24,13 @@ from microplan.executor.run.measure_target import to_unit
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.hub import read_world
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.fusion import fuse
+from microplan.featuresel.routines.fusion import Believed, fuse
 from microplan.schemas.files.evidence import LookScene
 from microplan.schemas.plan import Look
 from microplan.schemas.pose import Pose
 
 PICTURES = 300  # of each look: 600 values, x and y pooled
+NORMAL_95 = 1.96  # sigmas either side
 # stated in the task, and what the cell's bodies have; past black walls the post below
 # the gear is too dark, and the task infeasible
 STATED = Surface(wall=0.6)
@@ -39,16 +41,40 @@ class ReplayedLook:
     """Errors of a look on pictures of the cell, and what the plan promises."""
 
     id: str
-    errors_um: FloatArray  # (N, 2), bias taken off
+    errors_um: FloatArray  # (N, 2) along the target's axes, bias taken off
     failed: int  # without an answer
-    sigma_um: float
-    half_width_um: tuple[float, float]  # of the bias
+    promise: Promise
+
+    @property
+    def scaled(self) -> FloatArray:
+        """Return errors over what is promised of each axis, (N, 2)."""
+        sigma, half = self.promise.sigma_um, self.promise.half_width_um
+        found: FloatArray = self.errors_um / np.sqrt(
+            np.square(sigma) + np.square(half) / 3
+        )
+        return found
 
     @property
     def nees(self) -> float:
         """Return the mean of squared errors over what is promised, x and y pooled."""
-        promised = self.sigma_um**2 + np.square(self.half_width_um) / 3
-        return float(np.mean(self.errors_um**2 / promised))
+        return float(np.mean(self.scaled**2))
+
+    @property
+    def coverage(self) -> float:
+        """Return the share of values within what is promised of 95 % of them."""
+        return float(np.mean(np.abs(self.scaled) <= NORMAL_95))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judged:
+    """A look with all that its pictures are made and measured by."""
+
+    seer: Viewer
+    plan_file: Path
+    placed: LookScene
+    trial: TrialCase
+    surface: Surface
+    angle_sigma_rad: float | None  # of the target's angle; None: nothing measured it
 
 
 def replayed_looks(
@@ -57,62 +83,85 @@ def replayed_looks(
     """Return every look of a plan, measured on so many pictures of the solid camera.
 
     Of each the target's pose, the zoom, the focus, the light's side, the noise, and all
-    other bodies' places are drawn as the plan's own trials have them.
+    other bodies' places are drawn as the plan's own trials have them. What only moves
+    the whole image is left out, as it is there: the budget has its own terms for it.
+    The angle of a part is known as a run knows it then.
     """
     plan = read_plan(plan_file).plan
     looks = {look.id: look for step in plan.steps for look in step.looks}
-    scenes, found = scenes_of(plan_file), []
-    artifacts = Artifacts.from_folder(plan, plan_file.parent)
+    scenes, angles = scenes_of(plan_file), angles_before(plan)
+    artifacts, found = Artifacts.from_folder(plan, plan_file.parent), []
     for name, trial in trial_cases(task_of(task_file, surface), looks):
-        look = looks[name]
-        seer = viewer(plan, plan_file.parent, artifacts, name)
-        errors = [
-            _error_um(seer, plan_file, scenes[name], trial, surface, seed)
-            for seed in range(pictures)
-        ]
+        judged = _Judged(
+            seer=viewer(plan, plan_file.parent, artifacts, name),
+            plan_file=plan_file,
+            placed=scenes[name],
+            trial=trial,
+            surface=surface,
+            angle_sigma_rad=angles.get(name),
+        )
+        promise = promised(looks[name])
+        errors = [_error_um(judged, promise, seed) for seed in range(pictures)]
         good = [error for error in errors if error is not None]
-        known = (look.measure.repeatability, look.measure.model_cost)
-        halves = [each.half_width_um for each in known if each is not None]
-        x, y = np.sum([(0.0, 0.0), *halves], axis=0)  # of one sign, at the worst
         found.append(
             ReplayedLook(
                 id=name,
                 errors_um=np.array(good).reshape(-1, 2),
                 failed=len(errors) - len(good),
-                sigma_um=look.sigma_xy_um,
-                half_width_um=(float(x), float(y)),
+                promise=promise,
             )
         )
     return found
 
 
-def _error_um(
-    seer: Viewer,
-    plan_file: Path,
-    placed: LookScene,
-    trial: TrialCase,
-    surface: Surface,
-    seed: int,
-) -> tuple[float, float] | None:
-    """Return one answer less where the lens shows the target; None: no answer."""
+def _error_um(judged: _Judged, promise: Promise, seed: int) -> FloatArray | None:
+    """Return one answer less where the lens shows the target; None: no answer.
+
+    (2,) along the target's axes. The bias of what the cell does not show is given back.
+    """
+    seer, placed, trial = judged.seer, judged.placed, judged.trial
     look, rng = seer.look, np.random.default_rng([seed, len(placed.look)])
-    world = with_surface(read_world(plan_file.with_name("world.json")), surface)
-    cell = build_cell(at_rest(world), seed, camera="solid")
+    world = read_world(judged.plan_file.with_name("world.json"))
+    cell = build_cell(as_tried(world, judged.surface), seed, camera="solid")
     put(cell, placed)
     point = _point(cell, look, trial)
     _disturb(cell, look, trial, point, rng)
-    region = look.measure.region
-    picture = Picture(
-        image=to_unit(cell.camera.grab(region).counts, cell.truth.world.optics.bits),
+    grabbed = cell.camera.grab(look.measure.region)
+    theta_rad = _theta_rad(cell, look, trial)
+    seen = Picture(
+        image=to_unit(grabbed.counts, cell.truth.world.optics.bits),
         expected=seer.expected,
         believed=seer.believed,
         dz_um=0.0,
     )
-    answer = _measured(seer, picture)
+    answer = _measured(seer, _known(seen, judged, theta_rad, rng))
     if answer is None:
         return None
     true = cell.shown_um(look.target.partition(".")[0], *point)
-    return (answer[0] - true[0], answer[1] - true[1])
+    back = Pose(x_um=0.0, y_um=0.0, theta_rad=-theta_rad)
+    off = back.apply(answer[0] - true[0], answer[1] - true[1])
+    return np.add(off, promise.unseen_bias_um)
+
+
+def _theta_rad(cell: Cell, look: Look, trial: TrialCase) -> float:
+    """Return the true angle of a target's frame; the grip's is the trials' own."""
+    body = cell.truth.bodies.get(look.target.partition(".")[0])
+    return trial.case.theta_rad if body is None else cell.truth.pose(body).theta_rad
+
+
+def _known(
+    picture: Picture, judged: _Judged, theta_rad: float, rng: np.random.Generator
+) -> Picture:
+    """Return a picture with what a run knows of the target's angle by then."""
+    sigma_rad = judged.angle_sigma_rad
+    if sigma_rad is None:
+        return picture
+    turned = theta_rad + sigma_rad * float(rng.normal())
+    return replace(
+        picture,
+        expected=replace(picture.expected, theta_rad=turned),
+        believed=Believed(theta_rad=turned, sigma_rad=sigma_rad),
+    )
 
 
 def _point(cell: Cell, look: Look, trial: TrialCase) -> tuple[float, float]:
@@ -173,27 +222,38 @@ def _measured(seer: Viewer, picture: Picture) -> tuple[float, float] | None:
         seen.append(shown.seen)
     if not seen:
         return None
-    pose = fuse(seen, seer.believed)
+    pose = fuse(seen, picture.believed)
     return None if isinstance(pose, Failure) else (pose.x_um, pose.y_um)
 
 
-def figures(looks: Sequence[ReplayedLook]) -> Iterator[Figure]:
-    """Yield the least and the greatest mean normalised squared error of a look."""
+def figures(looks: Sequence[ReplayedLook], preset: str) -> Iterator[Figure]:
+    """Yield the extremes of looks' mean squared errors, and their coverage."""
     values = min(look.errors_um.size for look in looks)
-    told = f"of 1, {values} values or more a look"
-    found = [look.nees for look in looks]
-    yield Figure(name="truth.nees_min", value=min(found), unit=told)
-    yield Figure(name="truth.nees_max", value=max(found), unit=told)
+    trials = min(look.promise.trials for look in looks)
+    told = f"of 1, {values} values or more a look, sigma of {trials} trials ({preset})"
+    squares = [look.nees for look in looks]
+    yield Figure(name="truth.nees_min", value=min(squares), unit=told)
+    yield Figure(name="truth.nees_max", value=max(squares), unit=told)
+    shares = [look.coverage for look in looks]
+    pooled = float(np.average(shares, weights=[look.errors_um.size for look in looks]))
+    share = f"of 95 % intervals, {values} values or more a look"
+    yield Figure(name="truth.coverage", value=pooled, unit=share)
+    yield Figure(name="truth.coverage_min", value=min(shares), unit=share)
+    yield Figure(name="truth.coverage_max", value=max(shares), unit=share)
     failed = sum(look.failed for look in looks)
     yield Figure(name="truth.replays_failed", value=failed, unit="pictures")
 
 
 def _measure(options: Options) -> Iterator[Figure]:
     with stated_plan(GEAR, STATED, options.jobs) as (task_file, plan_file):
-        yield from figures(replayed_looks(task_file, plan_file, STATED, PICTURES))
+        looks = replayed_looks(task_file, plan_file, STATED, PICTURES)
+        yield from figures(looks, PRESET)
 
 
 BENCHMARK = Benchmark(
-    names=("truth.nees_min", "truth.nees_max", "truth.replays_failed"),
+    names=(
+        "truth.nees_min", "truth.nees_max", "truth.coverage", "truth.coverage_min",
+        "truth.coverage_max", "truth.replays_failed",
+    ),
     measure=_measure,
-)
+)  # fmt: skip
