@@ -13,8 +13,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.lattice import Lattice, blur
@@ -144,7 +144,8 @@ def _boxed(values: Float32Array, size: float) -> Float32Array:
     if size < _FINEST or not varies(values):
         return values
     odd = 2 * round((size - 1) / 2) + 1
-    found: Float32Array = ndimage.uniform_filter(values, odd, mode="nearest")
+    found: Float32Array = np.empty_like(values)
+    cv2.blur(values, (odd, odd), found, borderType=cv2.BORDER_REPLICATE)
     return found
 
 
@@ -168,16 +169,18 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
                 _add(out, each, some.stop - some.start)
     means = sums.astype(np.float64) / rays
     alone = means[fields:].reshape(len(met), 3, rows, columns)
-    residuals: FloatArray = means[:fields] - np.stack(_composite(met, list(alone)))
+    residuals: FloatArray = means[:fields]
+    for mean, field in zip(residuals, _composite(met, list(alone)), strict=True):
+        mean -= field
     return residuals
 
 
 def _add(sums: Float32Array, values: AnyFloats, rays: int) -> None:
     """Add up what a bundle of rays meets; what is even stands for all of them."""
-    if len(values) == rays:
+    if values.size > 1:
         sums += values[0] if rays == 1 else values.sum(axis=0)
-    else:
-        sums += rays * values[0]
+    elif (every := rays * values.item()) != 0:
+        sums += np.float32(every)
 
 
 def _composite(
@@ -187,7 +190,7 @@ def _composite(
 
     Below all that is sharp, of each sharp face, above.
     """
-    nothing: AnyFloats = np.zeros_like(parts[0][0])
+    nothing: AnyFloats = np.zeros((1,) * parts[0][0].ndim, dtype=np.float32)
     found: list[AnyFloats] = []
     current = nothing
     for face, (free, sends, light) in zip(faces, parts, strict=True):
@@ -197,8 +200,24 @@ def _composite(
             continue
         found = [each * free for each in found]
         sent = sends if face.sends_all else sends * light
-        if face.of_covered:
-            current = (current - sent) * free + sent
-        else:
-            current = current * free + sent
+        current = _covered(current, free, sent, of_covered=face.of_covered)
     return [*found, current] if found else [current, nothing]
+
+
+def _covered(
+    current: AnyFloats, free: AnyFloats, sent: AnyFloats, *, of_covered: bool
+) -> AnyFloats:
+    """Return what is seen of a field past a face, and the face's own."""
+    if of_covered and free.size == 1 and free.item() == 0:
+        return sent
+    if of_covered:
+        found = _into(np.multiply, current - sent, free)
+    else:
+        found = current * free
+    return _into(np.add, found, sent)
+
+
+def _into(made: np.ufunc, one: AnyFloats, other: AnyFloats) -> AnyFloats:
+    """Return what is made of a field, written over it where it is large enough."""
+    found: AnyFloats = made(one, other, out=one if one.size >= other.size else None)
+    return found

@@ -7,6 +7,7 @@ from typing import Self
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.lattice import Lattice
@@ -32,7 +33,7 @@ class MetFace:
     """A face with where rays meet it."""
 
     is_sharp: bool
-    sends_all: bool  # `sends` has its light in it
+    sends_all: bool  # `sends` has its light in it, and `light` is not needed
     of_covered: bool  # `sends` is of what is covered: one reflectance
     free: Float32Array  # that it does not cover: (rows, columns), or one value
     sends: Float32Array
@@ -53,16 +54,19 @@ class MetFace:
         is_between = not face.is_sharp and by <= _CLOSE
         if not is_between:
             at = np.rint(at).astype(np.intp)
-        light = np.ones((1, 1), dtype=np.float32) if face.light is None else face.light
-        sends = face.sends * light if face.joins_light else face.sends
-        one = None if face.joins_light else _reflectance(face)
+        white = np.ones((1, 1), dtype=np.float32)
+        light = white if face.light is None else face.light
+        one = None if face.joins_light or face.is_sharp else _reflectance(face)
+        sends_all = face.joins_light or one is not None
+        sends = face.sends if one is None else one
+        sends = sends * light if sends_all else sends
         return cls(
             is_sharp=face.is_sharp,
-            sends_all=face.joins_light,
+            sends_all=sends_all,
             of_covered=one is not None,
-            free=_even(1 - face.covers),
-            sends=_even(sends if one is None else one),
-            light=_even(light),
+            free=white if face.is_sharp else _even(1 - face.covers),
+            sends=white if face.is_sharp else _even(sends),
+            light=white if sends_all and not face.is_sharp else _even(light),
             down=at[1].tolist(),
             right=at[0].tolist(),
             is_between=is_between,
@@ -87,15 +91,13 @@ class MetFace:
         if len(down) == 1 and not self.is_between:
             row, column = int(down[0]), int(across[0])
             return below[None, row : row + height, column : column + width]
+        if not self.is_between:
+            return sliding_window_view(below, (height, width))[down, across]
         found = np.empty((len(down), height, width), dtype=np.float32)
-        if self.is_between:
-            below = np.ascontiguousarray(below)
-            for out, y, x in zip(found, down, across, strict=True):
-                middle = x + (width - 1) / 2, y + (height - 1) / 2
-                cv2.getRectSubPix(below, (width, height), middle, out)
-            return found
+        below = np.ascontiguousarray(below)
         for out, y, x in zip(found, down, across, strict=True):
-            out[...] = below[y : y + height, x : x + width]
+            middle = x + (width - 1) / 2, y + (height - 1) / 2
+            cv2.getRectSubPix(below, (width, height), middle, out)
         return found
 
 
@@ -115,5 +117,6 @@ def _reflectance(face: JointFace) -> Float32Array | None:
     if most == 0:
         return None
     found = (face.sends.max() / most).reshape(1, 1)
-    is_one = np.allclose(face.sends, face.covers * found, rtol=0, atol=_ROUNDING)
-    return found if is_one else None
+    off = face.covers * found
+    off -= face.sends
+    return found if max(off.max(), -off.min()) <= _ROUNDING else None
