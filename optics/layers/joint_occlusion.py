@@ -13,8 +13,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
+from scipy import ndimage
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.lattice import Lattice, blur
@@ -144,8 +144,7 @@ def _boxed(values: Float32Array, size: float) -> Float32Array:
     if size < _FINEST or not varies(values):
         return values
     odd = 2 * round((size - 1) / 2) + 1
-    found: Float32Array = np.empty_like(values)
-    cv2.blur(values, (odd, odd), found, borderType=cv2.BORDER_REPLICATE)
+    found: Float32Array = ndimage.uniform_filter(values, odd, mode="nearest")
     return found
 
 
@@ -179,8 +178,8 @@ def _add(sums: Float32Array, values: AnyFloats, rays: int) -> None:
     """Add up what a bundle of rays meets; what is even stands for all of them."""
     if values.size > 1:
         sums += values[0] if rays == 1 else values.sum(axis=0)
-    elif (every := rays * values.item()) != 0:
-        sums += np.float32(every)
+    elif values.item() != 0:
+        sums += rays * values.reshape(())
 
 
 def _composite(

@@ -33,7 +33,7 @@ class MetFace:
     """A face with where rays meet it."""
 
     is_sharp: bool
-    sends_all: bool  # `sends` has its light in it, and `light` is not needed
+    sends_all: bool  # `sends` has its light in it
     of_covered: bool  # `sends` is of what is covered: one reflectance
     free: Float32Array  # that it does not cover: (rows, columns), or one value
     sends: Float32Array
@@ -54,19 +54,16 @@ class MetFace:
         is_between = not face.is_sharp and by <= _CLOSE
         if not is_between:
             at = np.rint(at).astype(np.intp)
-        white = np.ones((1, 1), dtype=np.float32)
-        light = white if face.light is None else face.light
-        one = None if face.joins_light or face.is_sharp else _reflectance(face)
-        sends_all = face.joins_light or one is not None
-        sends = face.sends if one is None else one
-        sends = sends * light if sends_all else sends
+        light = np.ones((1, 1), dtype=np.float32) if face.light is None else face.light
+        sends = face.sends * light if face.joins_light else face.sends
+        one = None if face.joins_light else _reflectance(face)
         return cls(
             is_sharp=face.is_sharp,
-            sends_all=sends_all,
+            sends_all=face.joins_light,
             of_covered=one is not None,
-            free=white if face.is_sharp else _even(1 - face.covers),
-            sends=white if face.is_sharp else _even(sends),
-            light=white if sends_all and not face.is_sharp else _even(light),
+            free=_even(1 - face.covers),
+            sends=_even(sends if one is None else one),
+            light=_even(light),
             down=at[1].tolist(),
             right=at[0].tolist(),
             is_between=is_between,
