@@ -163,15 +163,13 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
         for first in range(0, rays, bundle):
             some = slice(first, min(first + bundle, rays))
             parts = [each.met(some, part) for each in met]
-            found = [*_composite(met, parts), *itertools.chain(*parts)]
-            for out, each in zip(sums[:, part], found, strict=True):
+            every = [*_composite(met, parts), *itertools.chain(*parts)]
+            for out, each in zip(sums[:, part], every, strict=True):
                 _add(out, each, some.stop - some.start)
     means = sums.astype(np.float64) / rays
     alone = means[fields:].reshape(len(met), 3, rows, columns)
-    residuals: FloatArray = means[:fields]
-    for mean, field in zip(residuals, _composite(met, list(alone)), strict=True):
-        mean -= field
-    return residuals
+    found = zip(means[:fields], _composite(met, list(alone)), strict=True)
+    return np.array([mean - field for mean, field in found])
 
 
 def _add(sums: Float32Array, values: AnyFloats, rays: int) -> None:
@@ -210,10 +208,8 @@ def _covered(
     if of_covered and free.size == 1 and free.item() == 0:
         return sent
     if of_covered:
-        found = _into(np.multiply, current - sent, free)
-    else:
-        found = current * free
-    return _into(np.add, found, sent)
+        return _into(np.add, _into(np.multiply, current - sent, free), sent)
+    return _into(np.add, current * free, sent)
 
 
 def _into(made: np.ufunc, one: AnyFloats, other: AnyFloats) -> AnyFloats:

@@ -89,7 +89,8 @@ class MetFace:
             row, column = int(down[0]), int(across[0])
             return below[None, row : row + height, column : column + width]
         if not self.is_between:
-            return sliding_window_view(below, (height, width))[down, across]
+            at = np.array([down, across], dtype=np.intp)
+            return sliding_window_view(below, (height, width))[at[0], at[1]]
         found = np.empty((len(down), height, width), dtype=np.float32)
         below = np.ascontiguousarray(below)
         for out, y, x in zip(found, down, across, strict=True):
