@@ -90,7 +90,9 @@ class MetFace:
             return below[None, row : row + height, column : column + width]
         if not self.is_between:
             at = np.array([down, across], dtype=np.intp)
-            return sliding_window_view(below, (height, width))[at[0], at[1]]
+            seen: Float32Array = sliding_window_view(below, (height, width))
+            gathered: Float32Array = seen[at[0], at[1]]
+            return gathered
         found = np.empty((len(down), height, width), dtype=np.float32)
         below = np.ascontiguousarray(below)
         for out, y, x in zip(found, down, across, strict=True):
