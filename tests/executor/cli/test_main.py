@@ -18,9 +18,6 @@ from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.schemas.plan import dump_plan, parse_plan
 from tests.executor.kept import PLAN, SAID
-from tests.executor.pictures import RENDER
-
-pytestmark = pytest.mark.usefixtures("one_render_a_state")
 
 STEPS = 12
 STATION = Path(__file__).parents[3] / "examples" / "stations" / "simulated.toml"
@@ -115,10 +112,7 @@ def test_the_run_folder_holds_plan_and_station_file_as_they_were_read(
     assert (folder / "station.toml").read_bytes() == file.read_bytes()
 
 
-def test_the_same_seed_gives_the_same_bytes(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(QuickPictures, "image", RENDER)  # every picture is made
+def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None:
     logs = []
     for name in ("a", "b"):
         assert run(built, tmp_path / name, "--seed", "5", "--no-frames") == 0
