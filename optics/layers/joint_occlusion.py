@@ -168,21 +168,21 @@ def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArra
         for first in range(0, rays, bundle):
             some = slice(first, min(first + bundle, rays))
             parts = [each.met(some, part) for each in met]
-            found = [*_composite(met, parts), *itertools.chain(*parts)]
-            for out, each in zip(sums[:, part], found, strict=True):
+            every = [*_composite(met, parts), *itertools.chain(*parts)]
+            for out, each in zip(sums[:, part], every, strict=True):
                 _add(out, each, some.stop - some.start)
     means = sums.astype(np.float64) / rays
     alone = [list(part) for part in np.split(means[fields:], np.cumsum(counts)[:-1])]
-    residuals: FloatArray = means[:fields] - np.stack(_composite(met, alone))
-    return residuals
+    found = zip(means[:fields], _composite(met, alone), strict=True)
+    return np.array([mean - field for mean, field in found])
 
 
 def _add(sums: Float32Array, values: AnyFloats, rays: int) -> None:
     """Add up what a bundle of rays meets; what is even stands for all of them."""
-    if len(values) == rays:
+    if values.size > 1:
         sums += values[0] if rays == 1 else values.sum(axis=0)
-    else:
-        sums += rays * values[0]
+    elif values.item() != 0:
+        sums += rays * values.reshape(())
 
 
 def _composite(
@@ -192,7 +192,7 @@ def _composite(
 
     Below all that is sharp, of each sharp face, above.
     """
-    nothing: AnyFloats = np.zeros_like(parts[0][0])
+    nothing: AnyFloats = np.zeros((1,) * parts[0][0].ndim, dtype=np.float32)
     found: list[AnyFloats] = []
     current = nothing
     for face, (free, sends, light, *mirror) in zip(faces, parts, strict=True):
@@ -206,11 +206,25 @@ def _composite(
         if mirror:
             unlit, *images = mirror
             sent = _mirrored_too(face, sent, [unlit, *images])
-        if face.of_covered:
-            current = (current - sent) * free + sent
-        else:
-            current = current * free + sent
+        current = _covered(current, free, sent, of_covered=face.of_covered)
     return [*found, current] if found else [current, nothing]
+
+
+def _covered(
+    current: AnyFloats, free: AnyFloats, sent: AnyFloats, *, of_covered: bool
+) -> AnyFloats:
+    """Return what is seen of a field past a face, and the face's own."""
+    if of_covered and free.size == 1 and free.item() == 0:
+        return sent
+    if of_covered:
+        return _into(np.add, _into(np.multiply, current - sent, free), sent)
+    return _into(np.add, current * free, sent)
+
+
+def _into(made: np.ufunc, one: AnyFloats, other: AnyFloats) -> AnyFloats:
+    """Return what is made of a field, written over it where it is large enough."""
+    found: AnyFloats = made(one, other, out=one if one.size >= other.size else None)
+    return found
 
 
 def _mirrored_too(

@@ -7,6 +7,7 @@ from typing import Self
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.lattice import Lattice
@@ -103,15 +104,16 @@ class MetFace:
         if len(down) == 1 and not self.is_between:
             row, column = int(down[0]), int(across[0])
             return below[None, row : row + height, column : column + width]
+        if not self.is_between:
+            at = np.array([down, across], dtype=np.intp)
+            seen: Float32Array = sliding_window_view(below, (height, width))
+            gathered: Float32Array = seen[at[0], at[1]]
+            return gathered
         found = np.empty((len(down), height, width), dtype=np.float32)
-        if self.is_between:
-            below = np.ascontiguousarray(below)
-            for out, y, x in zip(found, down, across, strict=True):
-                middle = x + (width - 1) / 2, y + (height - 1) / 2
-                cv2.getRectSubPix(below, (width, height), middle, out)
-            return found
+        below = np.ascontiguousarray(below)
         for out, y, x in zip(found, down, across, strict=True):
-            out[...] = below[y : y + height, x : x + width]
+            middle = x + (width - 1) / 2, y + (height - 1) / 2
+            cv2.getRectSubPix(below, (width, height), middle, out)
         return found
 
 
@@ -131,5 +133,6 @@ def _reflectance(face: JointFace) -> Float32Array | None:
     if most == 0:
         return None
     found = (face.sends.max() / most).reshape(1, 1)
-    is_one = np.allclose(face.sends, face.covers * found, rtol=0, atol=_ROUNDING)
-    return found if is_one else None
+    off = face.covers * found
+    off -= face.sends
+    return found if max(off.max(), -off.min()) <= _ROUNDING else None

@@ -243,16 +243,17 @@ class ShadedView:
         height_um, finish = group[0].layer.z_um, group[0].layer.finish
         z_um = height_um - self.focus_um
         points = wide(lattice, self.microscope, z_um)
-        covers, sends = (np.zeros(points.shape, dtype=np.float32) for _ in range(2))
+        covers = sends = np.zeros(points.shape, dtype=np.float32)
         is_sharp = self.reach_um(height_um) <= sharp_um
         near = self.reach_um(height_um) <= _NEAR * 2 * fine_um(self.microscope)
-        for each in () if is_sharp else group:
+        for number, each in enumerate(() if is_sharp else group):
             own = points.held_cells(each.layer, _LINES if near else LINES)
+            sent = each.layer.reflectance * own
+            if number == 0:
+                covers, sends = own, sent
+                continue
             free = 1 - own
-            covers, sends = (
-                covers * free + own,
-                sends * free + each.layer.reflectance * own,
-            )
+            covers, sends = covers * free + own, sends * free + sent
         light: Float32Array | None = None
         thin = False
         images: tuple[JointFace, ...] = ()

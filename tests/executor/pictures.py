@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
+
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.imaging.imaging_view import LampLevel, PixelWindow
 
 RENDER = QuickPictures.image
-_SEEN: dict[tuple[str, ...], FloatArray] = {}
+_MOST_BYTES = 1 << 28  # of pictures that are kept, those asked for last
+_SEEN: dict[bytes, FloatArray] = {}
 
 
 def remembered(
@@ -20,13 +23,26 @@ def remembered(
 ) -> FloatArray:
     """Return what `QuickPictures.image` does; the noise of a frame is drawn afresh."""
     truth, lens = pictures._truth, pictures._lens
-    bodies = ((n, truth.pose(b), truth.under_um(b)) for n, b in truth.bodies.items())
-    key = (
-        *bodies, truth.grip_pose(), truth.grip_z_um(), truth.opening_um, truth.tool,
-        truth.stage_z_um(), lens.focus_um, lens.shift_um, lamp,
+    bodies = [
+        (name, body.made, [post.made for post in body.posts],
+         truth.pose(body), truth.top_um(body))
+        for name, body in truth.bodies.items()
+    ]  # fmt: skip
+    key = pickle.dumps((
+        truth.world, bodies, truth.grip_pose(), truth.grip_z_um(), truth.opening_um,
+        truth.tool, truth.stage_z_um(), lens.focus_um, lens.shift_um, lens.errors, lamp,
         pictures._microscope(height_px, scale), window,
-    )  # fmt: skip
-    hashed = tuple(map(repr, key))
-    if hashed not in _SEEN:
-        _SEEN[hashed] = RENDER(pictures, window, lamp, height_px=height_px, scale=scale)
-    return _SEEN[hashed]
+    ))  # fmt: skip
+    found = _SEEN.pop(key, None)
+    if found is None:
+        found = RENDER(pictures, window, lamp, height_px=height_px, scale=scale)
+        found.setflags(write=False)  # it may be given again
+    while _SEEN and sum(each.nbytes for each in _SEEN.values()) > _MOST_BYTES:
+        del _SEEN[next(iter(_SEEN))]
+    _SEEN[key] = found
+    return found
+
+
+def forget() -> None:
+    """Drop the pictures that are kept."""
+    _SEEN.clear()

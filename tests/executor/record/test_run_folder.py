@@ -23,6 +23,8 @@ from microplan.executor.record.write_ahead_log import FileStore
 from tests.executor.bench import Folder, assembly, world
 from tests.executor.cli.test_main import STATION, events, summary
 
+pytestmark = pytest.mark.usefixtures("one_render_a_state")
+
 # the command, killed when a line of its journal is on the disk
 KILLED = """
 import os, signal, sys
