@@ -24,7 +24,7 @@ from microplan.optics.layers.coaxial_light import (
 from microplan.optics.layers.joint_light import joint_light
 from microplan.optics.layers.mirrors.images import free_of_images, mirror_images
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
-from microplan.optics.layers.solids.light_change import solid_light
+from microplan.optics.layers.solids.light_change import solid_light, solid_share
 from microplan.optics.layers.wall_view import wall_residual
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
@@ -122,9 +122,11 @@ def render_coaxial(
     ]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
+    lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
+    far_light = partial(solid_share, [c.layer for c in everything], lamp=lamp)
     for change in (
         view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces),
+        wall_residual(view, scene, everything, faces, far_light),
     ):
         if change is not None:
             image += change

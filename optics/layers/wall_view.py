@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from microplan.optics.layers.solids.solid_bodies import (
     is_solid,
     solid_bodies,
 )
+from microplan.optics.layers.solids.straight_rays import ThickBody
 from microplan.optics.layers.solids.view_change import (
     is_cut,
     mirrored_view,
@@ -36,12 +37,16 @@ _FINE_UM, _FINE_MOST = 1.0, 120
 _MIRRORED_UM, _MIRRORED_MOST = 1.5, 120
 _TABLE_UM, _TABLE_MOST = 2.0, 120
 
+# The light on a height, world um, all over an area, um
+FarLight = Callable[[float, Area], LightTable]
+
 
 def wall_residual(
     view: ShadedView,
     scene: Scene,
     covered: Sequence[Covered],
     shaded: Mapping[float, ShadedFace],
+    far_light: FarLight,
     *,
     is_fine: bool = False,
 ) -> FloatArray | None:
@@ -57,6 +62,8 @@ def wall_residual(
         All layers of the scene, blurred.
     shaded : mapping of float to ShadedFace
         By height, what is shaded.
+    far_light : FarLight
+        The light outside what is seen straight, where mirrored rays end.
     is_fine : bool
         Whether walls are traced from closer points, and bodies out of focus by more
         than half a depth of field as such: beside edges near focus what walls hide
@@ -73,7 +80,8 @@ def wall_residual(
                  for la in layers)  # fmt: skip
     floor_um = low_um - 1 if (z := scene.background_z_um) is None else z
     heights = [*(layer.z_um for layer in layers), low_um, floor_um]
-    widest = max(view.reach_um(height) for height in heights)
+    far_um = _mirrored_um(view, layers, floor_um)
+    widest = max(far_um, *(view.reach_um(height) for height in heights))
     around = grown(area, widest)
     sharp_um = view.near_um / view.reach_um(view.focus_um + 1.0)
     if is_fine:
@@ -84,14 +92,10 @@ def wall_residual(
         z_um: _table(face, area_um(m, view.frame, view.shift_um, z_um - view.focus_um))
         for z_um, face in shaded.items()
     }
-    faces = [
-        SolidFace(body=body, sends=_sent(tables.get(layer.z_um), layer))
-        for layer, body in found
-    ]
-    plane = SentLight(
-        table=tables.get(floor_um), reflectance=scene.background, finish=0.0
+    args = (
+        *_sending(found, tables, scene.background, floor_um),
+        floor_um - view.focus_um,
     )
-    args = faces, plane, floor_um - view.focus_um
     coverage = {id(c.layer): c.coverage for c in covered}
     sharp = [(la, coverage[id(la)]) for la, body in found if body.is_sharp]
     change, seen_below = solid_view(*args, lattice, m)
@@ -99,10 +103,44 @@ def wall_residual(
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
     close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST))
+    if far_um == 0:
+        return image
+    wide = {
+        z_um: replace(table, beyond=far_light(z_um, grown(area, far_um)))
+        for z_um, table in tables.items()
+    }
+    args = *_sending(found, wide, scene.background, floor_um), floor_um - view.focus_um
     mirrors = mirrored_view(*args, close, m)
     if mirrors is None:
         return image
     return image + _laid(view, _diffracted(view, mirrors, close), close, sharp)
+
+
+def _mirrored_um(view: ShadedView, layers: Sequence[Layer], low_um: float) -> float:
+    """Return how far from what is seen rays end that walls mirror, 0: there are none.
+
+    They come to the highest wall as far aside as that is seen, and go on down.
+    """
+    tops = [layer.z_um for layer in layers if layer.wall_reflectance > 0]
+    if not tops:
+        return 0.0
+    down_um = view.microscope.blur_diameter_um(max(tops) - low_um) / 2
+    return view.reach_um(max(tops)) + down_um
+
+
+def _sending(
+    found: Sequence[tuple[Layer, ThickBody]],
+    tables: Mapping[float, LightTable],
+    background: float,
+    floor_um: float,
+) -> tuple[list[SolidFace], SentLight]:
+    """Return what bodies send back, and the plane below everything."""
+    faces = [
+        SolidFace(body=body, sends=_sent(tables.get(layer.z_um), layer))
+        for layer, body in found
+    ]
+    floor = tables.get(floor_um)
+    return faces, SentLight(table=floor, reflectance=background, finish=0.0)
 
 
 def _diffracted(

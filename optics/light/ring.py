@@ -14,7 +14,7 @@ from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.wall_view import wall_residual
 from microplan.optics.light.lamps import RingLamp
 from microplan.optics.light.mirrored_strip import MirroredStrip, mirrored_strip
-from microplan.optics.light.ring_shadow import ring_irradiance
+from microplan.optics.light.ring_shadow import ring_irradiance, ring_table
 from microplan.optics.outline.offset import offset
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.layer_blending import blend_layers, light_up
@@ -103,9 +103,10 @@ def render_ring(
     blend_layers(
         image, patches, scene.background * (1.0 if below is None else below.seen)
     )
+    far_light = partial(ring_table, [c.layer for c in everything], lamp=lamp)
     for change in (
         view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces, is_fine=True),
+        wall_residual(view, scene, everything, faces, far_light, is_fine=True),
     ):
         if change is not None:
             image += change

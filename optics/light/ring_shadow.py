@@ -15,6 +15,7 @@ import numpy as np
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance, LayerShade
 from microplan.optics.layers.lattice import MORE, Area, Lattice
+from microplan.optics.layers.solids.solid_bodies import LightTable
 from microplan.optics.light.lamps import RingLamp, directions
 from microplan.optics.render.scene import Layer
 
@@ -23,6 +24,7 @@ DIRECTIONS = (
 )
 _A_SHADOW = 12  # points in the length of the shortest shadow
 _MOST = 120  # points a side: what changes faster is a mean over them
+_WIDE = 40  # points a side of what mirrored rays meet
 
 
 def ring_irradiance(
@@ -61,6 +63,18 @@ def ring_irradiance(
     top_um = max(layer.z_um for layer in above)
     shade = LayerShade(z_um=top_um, lattice=lattice, kept=1 - share)
     return Irradiance(z_um=z_um, shades=(shade,))
+
+
+def ring_table(
+    layers: Sequence[Layer], z_um: float, area: Area, lamp: RingLamp
+) -> LightTable:
+    """Return the share of a ring's light on a height, all over an area, um."""
+    side = max(area[2] - area[0], area[3] - area[1])
+    lattice = Lattice.over(area, side / _WIDE, more=0)
+    above = [layer for layer in layers if layer.z_um > z_um]
+    found = ring_share(above, z_um, lamp, lattice)
+    share = np.ones(lattice.shape) if found is None else found
+    return LightTable(lattice=lattice, share=share.astype(np.float32))
 
 
 def ring_share(

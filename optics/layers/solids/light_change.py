@@ -1,4 +1,4 @@
-"""What walls change of the coaxial light that reaches a height."""
+"""The coaxial light that reaches a height past walls."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from microplan.optics.layers.lattice import Area, Lattice
 from microplan.optics.layers.solids.mirrored_rays import RayEnd, mirrored
 from microplan.optics.layers.solids.solid_bodies import (
     MIRRORED,
+    LightTable,
     SentLight,
     is_solid,
     rays_from,
@@ -50,27 +51,61 @@ def solid_light(
     side = max(area[2] - area[0], area[3] - area[1])
     step = max(_FINEST_UM, seen_um / _A_BLUR, side / _SIDE)
     lattice = Lattice.over(area, step)
+    change = _share(over, z_um, lattice, lamp, less_flat=True)
+    return LightChange(lattice=lattice, change=change)
+
+
+def solid_share(
+    layers: Sequence[Layer], z_um: float, area: Area, lamp: Microscope
+) -> LightTable:
+    """Return the light that reaches a height past solid bodies, all over an area.
+
+    Arguments as in `solid_light`.
+    """
+    side = max(area[2] - area[0], area[3] - area[1])
+    lattice = Lattice.over(area, max(_FINEST_UM, side / _SIDE), more=0)
+    over = [layer for layer in layers if layer.z_um > z_um]
+    share = np.ones(lattice.shape)
+    if over:
+        share = np.clip(_share(over, z_um, lattice, lamp, less_flat=False), 0.0, 1.0)
+    return LightTable(lattice=lattice, share=share.astype(np.float32))
+
+
+def _share(
+    over: Sequence[Layer],
+    z_um: float,
+    lattice: Lattice,
+    lamp: Microscope,
+    *,
+    less_flat: bool,
+) -> FloatArray:
+    """Return the share of the lamp's light at a lattice's points, (rows, columns).
+
+    `less_flat`: less that past flat faces.
+    """
     top_um = max(layer.z_um for layer in over)
     area = _grown(lattice, lamp.blur_diameter_um(top_um - z_um) / 2)
-    found = [body for _, body in solid_bodies(over, z_um, area, -1.0)]
+    bodies = [body for _, body in solid_bodies(over, z_um, area, -1.0)]
     rays, soft = rays_from(lattice, lamp)
     solid = np.ones((rays.x_um.size, rays.across.size), dtype=np.float32)
     flat = solid.copy()
-    for body in found:
+    for body in bodies:
         low_um = max(body.under_um, 0.0)
         touching = _from_below(body)
         solid *= 1 - hides(touching, rays, soft, from_um=low_um, to_um=body.top_um)
         flat *= 1 - covers(body, rays, soft)
-    change: FloatArray = (solid - flat).mean(axis=1, dtype=np.float64)
-    if any(body.wall_reflectance > 0 for body in found):
-        turned = [_turned(body) for body in found]
+    if less_flat:
+        solid -= flat
+    found: FloatArray = solid.mean(axis=1, dtype=np.float64)
+    if any(body.wall_reflectance > 0 for body in bodies):
+        turned = [_turned(body) for body in bodies]
         nothing: list[RayEnd | None] = [None] * len(turned)
         few, _ = rays_from(lattice, lamp, MIRRORED)
-        outside = rays_outside([b for b in found if b.under_um <= 0], few)
+        outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0
-        change += mirrored(turned, nothing, sky, ceiling_um, outside) / few.across.size
-    return LightChange(lattice=lattice, change=change.reshape(lattice.shape))
+        found += mirrored(turned, nothing, sky, ceiling_um, outside) / few.across.size
+    return found.reshape(lattice.shape)
 
 
 def _from_below(body: ThickBody) -> ThickBody:

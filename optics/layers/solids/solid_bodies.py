@@ -29,15 +29,20 @@ class LightTable:
 
     lattice: Lattice
     share: Float32Array  # (rows, columns)
+    beyond: LightTable | None = None  # outside the lattice; None: as at its border
 
     def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
         """Return the share at the points nearest to world points, (...) um."""
         (left, top), k = self.lattice.corner_um, np.float32(1 / self.lattice.step_um)
         rows, columns = self.share.shape
-        column = np.clip((x - np.float32(left)) * k + np.float32(0.5), 0, columns - 1)
-        row = np.clip((np.float32(top) - y) * k + np.float32(0.5), 0, rows - 1)
+        across = (x - np.float32(left)) * k + np.float32(0.5)
+        down = (np.float32(top) - y) * k + np.float32(0.5)
+        column, row = np.clip(across, 0, columns - 1), np.clip(down, 0, rows - 1)
         at = row.astype(np.int32) * columns + column.astype(np.int32)
         found: Float32Array = self.share.ravel()[at]
+        if self.beyond is not None:
+            out = (across < 0) | (down < 0) | (across >= columns) | (down >= rows)
+            found[out] = self.beyond.at(x[out], y[out])
         return found
 
 
