@@ -20,6 +20,7 @@ from microplan.optics.coherence.unmodelled import (
 from microplan.optics.layers.layer_error import LayerChoice
 from microplan.optics.layers.shading import SHADED_ERROR, shade_error
 from microplan.optics.layers.solids.solid_bodies import is_solid
+from microplan.optics.layers.wall_error import wall_error
 from microplan.optics.lens.lens_budget import LensRow
 from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -34,10 +35,6 @@ _LEVELS = {
     "blend": "coverage, back to front",
     "joint": "coverage, what bodies hide and shade together by rays",
     "occluded": "hidden and shaded ray by ray",
-}
-_SIDES = {
-    False: "bodies are flat faces; nobody predicts what their sides send back",
-    True: "walls stand upright and mirror as stated; nobody predicts rough ones",
 }
 
 
@@ -101,13 +98,7 @@ def ledger(
         *_sampling_rows(imaged.fidelity),
         *_light_rows(imaged, shift_limit_nm),
         *(_lens_row(row, shift_limit_nm) for row in lens),
-        _row(
-            "side walls",
-            "not modelled",
-            None,
-            imaged.fidelity.limit,
-            _SIDES[is_solid(imaged.scene.layers)],
-        ),
+        _wall_row(imaged),
     )
 
 
@@ -159,6 +150,25 @@ def _shade_row(imaged: Imaged) -> LedgerRow:
         return _row(effect, "left out", left_out, limit, "measured on this scene")
     reason = f"coaxial light; leaving it out would err by {left_out:.2g}"
     return _row(effect, "modelled", min(SHADED_ERROR, left_out), limit, reason)
+
+
+def _wall_row(imaged: Imaged) -> LedgerRow:
+    """Return the row of the sides of bodies."""
+    effect, limit = "side walls", imaged.fidelity.limit
+    if not is_solid(imaged.scene.layers):
+        reason = "bodies are flat faces; nobody predicts what their sides send back"
+        return _row(effect, "not modelled", None, limit, reason)
+    reason = "walls stand upright and mirror as stated; nobody predicts rough ones"
+    if imaged.lamp_aperture is None or not imaged.is_shaded:
+        return _row(effect, "not modelled", None, limit, reason)
+    error = wall_error(
+        imaged.scene,
+        imaged.microscope,
+        focus_um=imaged.focus_um,
+        lamp_aperture=imaged.lamp_aperture,
+        window=imaged.window,
+    )
+    return _row(effect, "modelled", error, limit, reason)
 
 
 def _sampling_rows(fidelity: Fidelity) -> tuple[LedgerRow, ...]:

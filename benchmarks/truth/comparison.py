@@ -18,7 +18,8 @@ LEAST_SHARE, MOST_ERROR, MOST_RMS = 0.995, 0.02, 0.003  # aims at equal optics
 JUDGE = RaySampling(
     spacing=0.06, least_spacing_um=0.6, plane_spacing_um=0.6, most_spacing_um=2.5
 )
-TURNED = replace(JUDGE, turn_rad=1.0)  # another pattern of rays through pupil and lamp
+# another pattern of rays through pupil and lamp, from other points
+TURNED = replace(JUDGE, turn_rad=1.0, spacing=0.051, plane_spacing_um=0.51)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,12 +25,12 @@ from microplan.executor.simulated.imaging.solids.solid_scene import (
 
 ComplexArray = npt.NDArray[np.complexfloating]
 
-STEP_UM = 0.4  # of the grid; a wave of aperture A needs lambda / (2 A) = .71 um
+STEP_UM = 0.25  # of the grid; a wave's power past an edge needs less than .36 um
 FINER = 4  # cells of a raster in one of the grid, each way
 SLICE_UM = 20.0  # between cuts through a body: a ray goes 9 um aside on the way
 MARGIN_UM = 24.0  # round the cone: what diffraction sends farther is below .003
 LAMP_RAYS = 120  # through the lamp, for the light on faces
-COARSE = 2  # points of the grid in one of the light's, each way
+COARSE = 4  # points of the grid in one of the light's, each way
 NEAR_UM = 400.0  # bodies farther off neither send nor hide light
 CHORD_RAD = 0.02  # of a circle's polygon: .002 um at R 45
 

@@ -191,7 +191,13 @@ def _slopes(points: int) -> FloatArray:
 
 
 def blur(
-    values: FloatArray, step_um: float, microscope: Microscope, model: str, z_um: float
+    values: FloatArray,
+    step_um: float,
+    microscope: Microscope,
+    model: str,
+    z_um: float,
+    *,
+    cell_um: float = 0.0,
 ) -> FloatArray:
     """Return values of a lattice as pixels see them there, blurred by a defocus.
 
@@ -204,6 +210,8 @@ def blur(
         Distance of the points.
     microscope, model, z_um
         As in `microplan.optics.transfer.models.transfer`.
+    cell_um : float
+        Side of the square that each value is the mean of, at most `step_um`.
     """
     rows, columns = values.shape[-2:]
     wide = fast_length(rows), fast_length(columns)
@@ -213,6 +221,7 @@ def blur(
     gain = tabulate(model, microscope, z_um, top).read(np.minimum(x, top))
     side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
     gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
+    gain /= np.sinc(u * cell_um) * np.sinc(v * cell_um)[:, None]
     # what is blurred is a share of light: single precision adds 1e-6 (tested)
     held = np.empty((*values.shape[:-2], *wide), dtype=np.float32)
     held[..., :rows, :columns] = values

@@ -56,6 +56,7 @@ def render_coaxial(
     also: Sequence[Covered] = (),
     under: Sequence[Irradiance] | None = None,
     sampling: Sampling = _USUAL,
+    finer: float = 1.0,
 ) -> FloatArray:
     """Return the noise-free image of a scene in coaxial light.
 
@@ -69,6 +70,8 @@ def render_coaxial(
     under : sequence of Irradiance, optional
         The light that the layers of `also` leave at every height that is seen, by
         `microplan.optics.layers.coaxial_light.irradiances`. Default: it is computed.
+    finer : float
+        So many times closer than usual are the points from which walls are traced.
 
     Returns
     -------
@@ -114,7 +117,7 @@ def render_coaxial(
     everything = (*also, *fresh)
     faces: dict[float, ShadedFace] = {}
     if lamp_aperture is not None:
-        faces = _shaded(scene, view, everything, fresh, under, lamp_aperture)
+        faces = _shaded(scene, view, everything, fresh, under, lamp_aperture, finer)
         faces = _with_images(faces, view, [c.layer for c in everything], sampling)
     patches = [
         c.patch(view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None)
@@ -126,7 +129,7 @@ def render_coaxial(
     far_light = partial(solid_share, [c.layer for c in everything], lamp=lamp)
     for change in (
         view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces, far_light),
+        wall_residual(view, scene, everything, faces, far_light, finer=finer),
     ):
         if change is not None:
             image += change
@@ -141,6 +144,7 @@ def _shaded(
     fresh: Sequence[Covered],
     under: Sequence[Irradiance] | None,
     lamp_aperture: float,
+    finer: float,
 ) -> dict[float, ShadedFace]:
     """Return the faces that are shaded, by height."""
     m = view.microscope
@@ -163,7 +167,7 @@ def _shaded(
             joint = joint_light(layers, each, m, lamp_aperture=lamp_aperture, area=area)
             seen_um = m.blur_diameter_um(each.z_um - view.focus_um) / 2
             lamp = replace(m, aperture=lamp_aperture)
-            walls = solid_light(layers, each.z_um, area, seen_um, lamp)
+            walls = solid_light(layers, each.z_um, area, seen_um, lamp, finer=finer)
             changes = [change for change in (joint, walls) if change is not None]
             shaded[each.z_um] = view.face(each, changes)
     return shaded

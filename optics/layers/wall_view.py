@@ -34,7 +34,7 @@ from microplan.optics.render.scene import Layer, Scene
 # meet light on points as far apart as the second two say.
 _WALLS_UM, _WALLS_MOST = 4.0, 40
 _FINE_UM, _FINE_MOST = 1.0, 120
-_MIRRORED_UM, _MIRRORED_MOST = 1.5, 120
+_MIRRORED_UM, _MIRRORED_MOST = 1.5, 200
 _TABLE_UM, _TABLE_MOST = 2.0, 120
 
 # The light on a height, world um, all over an area, um
@@ -49,6 +49,7 @@ def wall_residual(
     far_light: FarLight,
     *,
     is_fine: bool = False,
+    finer: float = 1.0,
 ) -> FloatArray | None:
     """Return what walls change of a blended image, (rows, columns), None if nothing.
 
@@ -68,6 +69,8 @@ def wall_residual(
         Whether walls are traced from closer points, and bodies out of focus by more
         than half a depth of field as such: beside edges near focus what walls hide
         changes fast.
+    finer : float
+        So many times closer than usual are points.
     """
     if not is_solid([c.layer for c in covered]):
         return None
@@ -75,7 +78,7 @@ def wall_residual(
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
     walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)
-    lattice = Lattice.over(area, max(walls_um, side / most))
+    lattice = Lattice.over(area, max(walls_um, side / most) / finer)
     low_um = min(la.z_um if la.underside_um is None else la.underside_um
                  for la in layers)  # fmt: skip
     floor_um = low_um - 1 if (z := scene.background_z_um) is None else z
@@ -89,7 +92,9 @@ def wall_residual(
     found = solid_bodies(layers, view.focus_um, around, sharp_um)
     found.sort(key=lambda pair: (pair[0].z_um, pair[0].name))
     tables = {
-        z_um: _table(face, area_um(m, view.frame, view.shift_um, z_um - view.focus_um))
+        z_um: _table(
+            face, area_um(m, view.frame, view.shift_um, z_um - view.focus_um), finer
+        )
         for z_um, face in shaded.items()
     }
     args = (
@@ -102,7 +107,7 @@ def wall_residual(
     image = _laid(view, change, lattice, sharp)
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
-    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST))
+    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / finer)
     if far_um == 0:
         return image
     wide = {
@@ -146,12 +151,13 @@ def _sending(
 def _diffracted(
     view: ShadedView, change: JointResidual, lattice: Lattice
 ) -> JointResidual:
-    """Return fields as the lens shows the plane in focus.
+    """Return fields, means over cells, as the lens shows the plane in focus.
 
     What lies as high as that plane is in focus in a vertical mirror, too.
     """
     fields = np.stack([change.below, *change.sharp, change.above])
-    seen = blur(fields, lattice.step_um, view.microscope, view.model, 0.0)
+    step = lattice.step_um
+    seen = blur(fields, step, view.microscope, view.model, 0.0, cell_um=step)
     return JointResidual(above=seen[-1], sharp=tuple(seen[1:-1]), below=seen[0])
 
 
@@ -189,9 +195,9 @@ def _cut(
     return np.asarray(np.clip(whole, 0.0, free))
 
 
-def _table(face: ShadedFace, area: Area) -> LightTable:
+def _table(face: ShadedFace, area: Area, finer: float) -> LightTable:
     """Return the light on a face at points all over an area."""
-    step = max(_TABLE_UM, (area[2] - area[0]) / _TABLE_MOST)
+    step = max(_TABLE_UM, (area[2] - area[0]) / _TABLE_MOST) / finer
     lattice = Lattice.over(area, step, more=0)
     return LightTable(lattice=lattice, share=face.on(lattice).astype(np.float32))
 

@@ -28,7 +28,13 @@ _FINEST_UM, _A_BLUR, _SIDE = 6.0, 8, 40  # of points at which light is traced
 
 
 def solid_light(
-    layers: Sequence[Layer], z_um: float, area: Area, seen_um: float, lamp: Microscope
+    layers: Sequence[Layer],
+    z_um: float,
+    area: Area,
+    seen_um: float,
+    lamp: Microscope,
+    *,
+    finer: float = 1.0,
 ) -> LightChange | None:
     """Return what walls change of the light that reaches a height.
 
@@ -44,13 +50,15 @@ def solid_light(
         Radius of the blur by which the face is seen.
     lamp : Microscope
         With the lamp's aperture.
+    finer : float
+        So many times closer than usual are the points.
     """
     over = [layer for layer in layers if layer.z_um > z_um]
     if not is_solid(over):
         return None
     side = max(area[2] - area[0], area[3] - area[1])
     step = max(_FINEST_UM, seen_um / _A_BLUR, side / _SIDE)
-    lattice = Lattice.over(area, step)
+    lattice = Lattice.over(area, step / finer)
     change = _share(over, z_um, lattice, lamp, less_flat=True)
     return LightChange(lattice=lattice, change=change)
 

@@ -193,10 +193,10 @@ def _started(
     point, ray = np.nonzero(whose >= 0)
     z, body_of = first[point, ray], whose[point, ray]
     across, up = rays.across[0, ray], rays.up[0, ray]
-    slope = np.hypot(across, up)
+    slope, start = np.hypot(across, up), (point, ray % rays.x_um.shape[1])
     flight = _Flight(
-        x=rays.x_um[point, 0] + z * across,
-        y=rays.y_um[point, 0] + z * up,
+        x=rays.x_um[start] + z * across,
+        y=rays.y_um[start] + z * up,
         z=z,
         # down the ray: heights fall
         dx=-across / slope,

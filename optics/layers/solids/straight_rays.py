@@ -38,7 +38,7 @@ class ThickBody:
 class Rays:
     """Rays through points of a plane, each with all slopes."""
 
-    x_um: Float32Array  # (points, 1)
+    x_um: Float32Array  # (points, 1), or (points, slopes)
     y_um: Float32Array
     across: Float32Array  # (1, slopes): sideways a um of height
     up: Float32Array
@@ -70,8 +70,10 @@ class Paths:
 
     def some(self, point: IndexArray, ray: IndexArray) -> Paths:
         """Return some rays, of (N,) indices of points and slopes."""
-        u, v = self.u[point, 0], self.v[point, 0]
-        return Paths(self.field, u, v, self.du[0, ray], self.dv[0, ray])
+        start = point, ray % self.u.shape[1]
+        return Paths(
+            self.field, self.u[start], self.v[start], self.du[0, ray], self.dv[0, ray]
+        )
 
     def at(self, z_um: float) -> Float32Array:
         """Return how far rays pass from the outline, (points, slopes) or (N,) um."""

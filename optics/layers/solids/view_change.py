@@ -19,9 +19,9 @@ from microplan.optics.layers.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Lattice
 from microplan.optics.layers.solids.mirrored_rays import mirrored, raised
 from microplan.optics.layers.solids.solid_bodies import (
-    MIRRORED,
     SentLight,
     SolidFace,
+    mirrored_rays,
     rays_from,
     rays_outside,
 )
@@ -87,13 +87,15 @@ def mirrored_view(
 ) -> JointResidual | None:
     """Return what rays that walls mirror add to an image, None if none does.
 
-    Arguments as in `solid_view`. What lies as high as the plane in focus is in focus in
-    a vertical mirror, too: points are closer than for what is lost at walls.
+    Arguments as in `solid_view`; means over the cells of the lattice. What lies as high
+    as the plane in focus is in focus in a vertical mirror, too: points are closer than
+    for what is lost at walls.
     """
     bodies = [face.body for face in faces]
     if not any(body.wall_reflectance > 0 for body in bodies):
         return None
-    rays, _ = rays_from(lattice, microscope, MIRRORED)
+    count = mirrored_rays(lattice)
+    rays, _ = rays_from(lattice, microscope, count, all_over=True)
     args = bodies, [face.sends for face in faces], plane, plane_um
     above = mirrored(*args, rays, above_um=0.0)
     outside = rays_outside([b for b in bodies if b.is_sharp], rays)
@@ -109,7 +111,7 @@ def mirrored_view(
             above += raised(bodies, body, mirrors, rays)
         else:
             below += raised(bodies, body, mirrors, outside)
-    shaped = [each.reshape(lattice.shape) / MIRRORED for each in (below, *sharp, above)]
+    shaped = [each.reshape(lattice.shape) / count for each in (below, *sharp, above)]
     return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
 
 
