@@ -11,11 +11,17 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase, scene
-from microplan.optics.layers.layer_error import LayerChoice, layer_error
+from microplan.optics.layers.layer_edges import faces, meeting_points
+from microplan.optics.layers.layer_error import (
+    LayerChoice,
+    diffraction_error,
+    layer_error,
+)
+from microplan.optics.layers.ray_probes import light_shares, probes
 from microplan.optics.ledger import CONTRAST, Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.render.fidelity import Fidelity
-from microplan.optics.render.scene import Illumination, Window
+from microplan.optics.render.scene import Illumination, Scene, Window
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
@@ -29,6 +35,7 @@ from microplan.planner.views.target_views import views
 from microplan.schemas.plan import Look
 
 MAX_IMAGE_ERROR = 0.002  # both examples' own
+RAYS = 128  # a point, for the light on it
 SAME = 1e-5  # relative: magnifications come back in six digits
 # rows of the ledger that this benchmark's truth has an answer to: both roads leave out
 # coherence, polarisation, the light's spectrum and the lens' errors
@@ -117,15 +124,40 @@ def trial_image(case: LookCase) -> FloatArray:
     return nominal_render(case)()
 
 
+def expected_errors(made: TrialCase) -> tuple[FloatArray, FloatArray]:
+    """Return points of the plane in focus, (N, 2) um, and the diffraction error there.
+
+    Of what the ledger has for layers the part that no ray shows, (N,) of full scale.
+    """
+    case = made.case
+    shown = _shown(case)
+    found = faces(shown, case.microscope, case.focus_um, case.window)
+    points = meeting_points(found, case.microscope, case.window)
+    if not len(points.at_um) or case.lamp_aperture is None:
+        return points.at_um, np.zeros(len(points.at_um))
+    rasters = probes(case.microscope, found, points.at_um, are_lit=True)
+    light = light_shares(
+        rasters, case.microscope, case.lamp_aperture, points.at_um, RAYS
+    )
+    errors = diffraction_error(
+        found, points, case.microscope, traced=False, light=light
+    )
+    return points.at_um, errors
+
+
+def _shown(case: LookCase) -> Scene:
+    """Return a look's nominal scene as its lens shows it."""
+    nominal = scene(case, 0.0, 0.0, 0.0)
+    return lens_scene(nominal, case.microscope, case.lens, case.focus_um)
+
+
 def predicted(made: TrialCase) -> float:
     """Return the error of a look's image by the compiler's ledger, of full scale.
 
     The sum of what single effects may cost: the ledger has no joint one.
     """
     case = made.case
-    shown = lens_scene(
-        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
-    )
+    shown = _shown(case)
     error = layer_error(
         shown, case.microscope, focus_um=case.focus_um, treatment=case.treatment,
         window=case.window, lamp_aperture=case.lamp_aperture,

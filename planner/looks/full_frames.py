@@ -15,14 +15,14 @@ from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.lens_errors import known_errors, lamp_aperture
 from microplan.planner.views.light.lit_layers import ring_lamp, through
-from microplan.planner.views.scenes import relevant
+from microplan.planner.views.scenes import lit
 
 
 def seen_scene(
     cell: Workcell, scene: Scene, scope: Microscope, focus_um: float
 ) -> Scene:
     """Return the scene that reaches the frame, as the lens images it."""
-    layers = relevant(scene.layers, scope, focus_um, full(scope))
+    layers = lit(cell, scene, scope, focus_um, full(scope))
     shown = replace(through(cell, scene, scope), layers=layers)
     return lens_scene(shown, scope, known_errors(cell), focus_um)
 

@@ -38,7 +38,7 @@ from microplan.planner.views.light.lit_layers import (
 )
 from microplan.planner.views.light.unknown_walls import unknown_surfaces
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
-from microplan.planner.views.scenes import relevant, world_scene
+from microplan.planner.views.scenes import lit, world_scene
 from microplan.planner.views.target_views import needed_shape, search_um, target_pose
 from microplan.planner.views.targets import TargetShape, target_edges, target_layers
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
@@ -217,7 +217,7 @@ def _layers(
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
     """Return the layers that are fixed in trials, and those that move."""
     scene = world_scene(task, request.state)
-    seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
+    seen = lit(task.workcell, scene, view.microscope, view.focus_um, view.region)
     own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
     static = tuple(layer for layer in seen if layer.name not in own)
     known = {layer.name: layer for layer in seen}

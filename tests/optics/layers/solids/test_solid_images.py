@@ -10,6 +10,7 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import pixel_axes_um
 from microplan.optics.layers.shading import render_coaxial
+from microplan.optics.layers.wall_error import wall_error
 from microplan.optics.render.scene import Layer, Scene, Window
 from tests.optics.layers.solids.brute_rays import prism, seen
 from tests.optics.shapes import disc, gear, microscope, rectangle
@@ -116,6 +117,55 @@ def test_a_perfect_mirror_wall_takes_no_light_from_an_even_floor() -> None:
     assert np.abs(bright - FLOOR).max() < 0.08 * FLOOR
     black = replace(scene, layers=(replace(wide, wall_reflectance=0.0),))
     assert image(black, 100.0)[:, 30].max() < 0.7 * FLOOR
+
+
+def test_what_a_wall_mirrors_is_lit_as_it_is_beyond_the_picture() -> None:
+    """Over a jaw's end a small picture: all that is mirrored lies outside it."""
+    plate = Layer(name="plate", outline=rectangle(-450, -250, 450, 450), z_um=-10.0,
+                  reflectance=0.3)  # fmt: skip
+    jaw = Layer(name="jaw", outline=rectangle(-20, -50, 140, 450), z_um=230.0,
+                reflectance=0.7, underside_um=30.0, wall_reflectance=1.0)  # fmt: skip
+    scene = Scene(layers=(plate, jaw), background=FLOOR, background_z_um=-160.0)
+    window = Window(row=WINDOW.row + 34, column=WINDOW.column + 34, rows=21, columns=21)
+    at = [(r, c) for r in (2, 10, 18) for c in (2, 10, 18)]
+    shown = render_coaxial(
+        scene, OPTICS, focus_um=-10.0, lamp_aperture=LAMP, window=window
+    )
+    inside = [(r + 34, c + 34) for r, c in at]
+    truth = traced(scene, inside, -10.0, -160.0)
+    rows, columns = np.array(at).T
+    # the judge errs by .0065; with the light at the picture's rim all over, by .06
+    np.testing.assert_allclose(shown[rows, columns], truth, atol=0.015)
+
+
+def test_an_edge_in_focus_is_as_sharp_and_where_it_is_in_a_mirror() -> None:
+    """Across the wall of a jaw that stands on a plate's edge, at a right angle."""
+    edge_um = 0.4
+    plate = Layer(name="plate", outline=rectangle(-300, -300, 300, edge_um), z_um=100.0,
+                  reflectance=0.8)  # fmt: skip
+    jaw = Layer(name="jaw", outline=rectangle(20, -400, 320, 400), z_um=240.0,
+                reflectance=0.0, underside_um=40.0, wall_reflectance=1.0)  # fmt: skip
+    scene = Scene(layers=(plate, jaw), background=0.0, background_z_um=-260.0)
+    shown = image(scene, 100.0)
+    at = 43.5 + 20 / OPTICS.um_per_px
+    found = []
+    for side in (-6, 6):  # pixels from the wall
+        profile = shown[36:52, round(at) + side]
+        found.append((profile - profile[-1]) / (profile[0] - profile[-1]))
+    assert found[0].min() < 0.05
+    assert found[0].max() > 0.95
+    np.testing.assert_allclose(found[1], found[0], atol=0.1)  # of 64 rays
+
+
+@pytest.mark.parametrize(("wall", "finish"), [(0.0, 0.0), (0.7, 0.0), (1.0, 1.0)])
+def test_the_error_that_is_predicted_of_walls_holds(wall: float, finish: float) -> None:
+    scene = seated(wall, finish)
+    found = wall_error(scene, OPTICS, focus_um=100.0, lamp_aperture=LAMP, window=WINDOW)
+    at = pixels(RADII)
+    rows, columns = np.array(at).T
+    apart = np.abs(image(scene, 100.0)[rows, columns] - traced(scene, at, 100.0))
+    assert apart.max() < found + 2 * 0.0065  # the judge's
+    assert found < (0.05 if wall < 1 else 0.1)
 
 
 def test_a_thin_body_is_its_face() -> None:
