@@ -227,7 +227,17 @@ def _measured(seer: Viewer, picture: Picture) -> tuple[float, float] | None:
 
 
 def figures(looks: Sequence[ReplayedLook], preset: str) -> Iterator[Figure]:
-    """Yield the extremes of looks' mean squared errors, and their coverage."""
+    """Yield the extremes of looks' mean squared errors, and their coverage.
+
+    Of looks that have answers; those that have none are among the failed.
+
+    Raises
+    ------
+    ValueError
+        If no look has any.
+    """
+    failed = sum(look.failed for look in looks)
+    looks = [look for look in looks if look.errors_um.size]
     values = min(look.errors_um.size for look in looks)
     trials = min(look.promise.trials for look in looks)
     told = f"of 1, {values} values or more a look, sigma of {trials} trials ({preset})"
@@ -240,7 +250,6 @@ def figures(looks: Sequence[ReplayedLook], preset: str) -> Iterator[Figure]:
     yield Figure(name="truth.coverage", value=pooled, unit=share)
     yield Figure(name="truth.coverage_min", value=min(shares), unit=share)
     yield Figure(name="truth.coverage_max", value=max(shares), unit=share)
-    failed = sum(look.failed for look in looks)
     yield Figure(name="truth.replays_failed", value=failed, unit="pictures")
 
 

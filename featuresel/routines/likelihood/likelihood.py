@@ -60,6 +60,7 @@ _FAR_PX = 3.0  # the most that the fit may move from the guess
 # Standard deviations of chi squared that noise explains; beyond, the focus may have the
 # wrong sign.
 _DOUBTFUL = 2.0
+_AS_MUCH = 0.95  # of the pixels that another fit trusts
 
 
 def measure(
@@ -170,6 +171,7 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
     """Return a fit that noise explains, else the better one of both signs of focus.
 
     From a start that is off, a fit may settle as far out of focus on the other side.
+    The other one is better if it explains as much of the target by more than noise.
     """
     noise = math.sqrt(2 / found.pixels)
     if job.front is None or found.chi2 <= 1 + _DOUBTFUL * noise:
@@ -181,9 +183,9 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
         front=OccluderBlur(focus_um=-blur.focus_um),
     )
     other = fit_pose(job, surfaces_first(job, there))
-    if isinstance(other, PoseFit) and other.chi2 < found.chi2:
-        return other
-    return found
+    if isinstance(other, Failure) or other.used < _AS_MUCH * found.used:
+        return found
+    return other if other.chi2 < found.chi2 - noise else found
 
 
 def _at_mark(

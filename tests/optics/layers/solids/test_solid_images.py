@@ -165,7 +165,9 @@ def test_the_error_that_is_predicted_of_walls_holds(wall: float, finish: float) 
     rows, columns = np.array(at).T
     apart = np.abs(image(scene, 100.0)[rows, columns] - traced(scene, at, 100.0))
     assert apart.max() < found + 2 * 0.0065  # the judge's
-    assert found < (0.05 if wall < 1 else 0.1)
+    flat = seated(wall, finish, flat=True)
+    none = wall_error(flat, OPTICS, focus_um=100.0, lamp_aperture=LAMP, window=WINDOW)
+    assert none == 0.0 < found
 
 
 def test_a_thin_body_is_its_face() -> None:
