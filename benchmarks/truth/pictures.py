@@ -17,7 +17,7 @@ from benchmarks.truth.wave_points import WaveErrors, wave_errors
 
 SURFACES = tuple(Surface(wall=w, finish=f) for w in (0.0, 0.6, 1.0) for f in (0.0, 1.0))
 PLAIN = SURFACES[0]  # of the points by waves: mirrors are left to rays
-POINTS = 30  # a look
+POINTS = 21  # a look
 EXAMPLES = (GEAR, DIE)
 FULL = "full scale"
 TOTALS = (
