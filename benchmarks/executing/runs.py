@@ -70,15 +70,7 @@ def perform(plan: Path, folder: Path, seed: int) -> Outcome:
         If the executor found a bug, refused the input, or the cell has no verdict.
     """
     run_dir = folder / f"seed-{seed}"
-    words = [
-        "--station",
-        "sim",
-        "--camera",
-        "solid",
-        "--seed",
-        str(seed),
-        "--no-frames",
-    ]
+    words = ["--station", "sim", "--seed", str(seed), "--no-frames"]
     heard = io.StringIO()
     with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard):
         status = run_main([str(plan), *words, "--run-dir", str(run_dir)])
