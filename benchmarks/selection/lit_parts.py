@@ -34,11 +34,12 @@ from tests.optics.light.sharp_rays import (
     sharp_polygon,
 )
 
-KINDS = ("transmitted", "ring", "line")
+KINDS = ("transmitted", "ring", "line", "high_ring", "high_line")
 POINTS = 24  # kept edges of a part that are judged
 _THICK_UM, _FLOOR_UM = 20.0, -90.0
 _LAMP, _FIELD = 0.3, 0.9
 _RING = RingLamp(low_rad=math.radians(20), high_rad=math.radians(45))
+_HIGH_RING = RingLamp(low_rad=math.radians(40), high_rad=math.radians(60))
 _SINE = 0.42  # of the lens' half angle
 _FINISH, _ROUND_UM, _FINE_UM = 0.6, 2.0, 0.3
 _NEAR = 1 / 6  # of the focus that parts in front light have: edges stay apart
@@ -85,20 +86,22 @@ def lit_case(case: LookCase, kind: str) -> LookCase:
             background=_FIELD * share,
             target=replace(case.target, bright=False),
         )
-    if kind == "line":
-        lit = replace(lit, moving=tuple(_rounded(layer) for layer in lit.moving))
-    return replace(lit, ring=_RING)
+    ring = _HIGH_RING if kind.startswith("high_") else _RING
+    if kind.endswith("line"):
+        moving = tuple(_rounded(layer, ring) for layer in lit.moving)
+        lit = replace(lit, moving=moving)
+    return replace(lit, ring=ring)
 
 
 def _solid(layer: Layer) -> Layer:
     return replace(layer, underside_um=layer.z_um - _THICK_UM)
 
 
-def _rounded(layer: Layer) -> Layer:
+def _rounded(layer: Layer, ring: RingLamp) -> Layer:
     """Return a layer with lines, of a finer rounding where its walls are thin."""
     for radius_um in (_ROUND_UM, _FINE_UM):
         line = edge_line(
-            _RING,
+            ring,
             mirrored=_FINISH * layer.reflectance,
             radius_um=radius_um,
             rings=len(layer.outline.rings),
@@ -107,7 +110,7 @@ def _rounded(layer: Layer) -> Layer:
             layer, reflectance=(1 - _FINISH) * layer.reflectance, edge_line=line
         )
         try:
-            line_layer(dull, 1.0, mirrored_strip(_RING, _SINE))
+            line_layer(dull, 1.0, mirrored_strip(ring, _SINE))
         except ValueError:
             continue
         return dull
@@ -145,7 +148,7 @@ def _told(
     spread += scope.um_per_px * rng.uniform(-0.5, 0.5, (rays, 2))
     apart_um = _ASIDE * scope.airy_radius_um
     means, errors = [], []
-    for aside_um in (apart_um, -max(apart_um, _line_um(bodies))):
+    for aside_um in (apart_um, -max(apart_um, _line_um(case, bodies))):
         middle = points + aside_um * out
         all_of = (middle[:, None] + spread).reshape(-1, 2)
         values = _seen(case, bodies, all_of).reshape(len(points), rays)
@@ -214,8 +217,10 @@ def _seen(
     )
 
 
-def _line_um(bodies: Sequence[SharpPrism]) -> float:
+def _line_um(case: LookCase, bodies: Sequence[SharpPrism]) -> float:
     """Return how far inside edges the target's lines have their middle, um."""
-    tilt_rad = (math.pi / 2 - (_RING.low_rad + _RING.high_rad) / 2) / 2
+    if case.ring is None:
+        return 0.0
+    tilt_rad = (math.pi / 2 - (case.ring.low_rad + case.ring.high_rad) / 2) / 2
     found = [body.rounding for body in bodies if body.rounding is not None]
     return max((each.inward_um(tilt_rad) for each in found), default=0.0)

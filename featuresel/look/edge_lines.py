@@ -10,12 +10,10 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import LookModel
+from microplan.optics.light.mirrored_strip import light_range
 from microplan.optics.render.scene import Layer
 
 _PLACES = (0.0, 0.5, 1.0)  # within the rounding
-# of a line's light: a quarter of an ellipse twice as high as wide mirrors two thirds of
-# what a circle does, one half as high all but as much
-_SHARES = (2 / 3, 1.0)
 
 
 def line_images(
@@ -24,7 +22,9 @@ def line_images(
     """Return the look with lines at both ends of their roundings, bright and faint.
 
     Images are (rows, columns), 0..1 of full scale. The target's lines and those of what
-    is around it change apart. There are none where no edge may be a line.
+    is around it change apart. There are none where no edge may be a line. Lines are as
+    faint and as bright as the look's ring makes those of roundings that are no circles
+    (`microplan.optics.light.mirrored_strip.light_range`).
 
     Parameters
     ----------
@@ -33,7 +33,11 @@ def line_images(
     render : callable
         Returns the renderer of a look.
     """
-    found = []
+    found: list[FloatArray] = []
+    if case.ring is None:
+        return ()
+    scope = case.microscope
+    shares = light_range(case.ring, scope.aperture / scope.medium_index)
     for bare in _bare(case):
         usual = render(bare)()
         stays = any(layer.edge_line for layer in (*bare.moving, *bare.static))
@@ -41,14 +45,12 @@ def line_images(
             # lines that stay are the same in both
             dull = render(replace(bare, line=line))() if stays else usual
             change = render(replace(case, line=line))() - dull
-            found += [np.clip(usual + share * change, 0, 1) for share in _SHARES]
+            found += [np.clip(usual + share * change, 0, 1) for share in shares]
     return tuple(found)
 
 
 def _bare(case: LookCase) -> Iterator[LookCase]:
     """Yield the look without the target's lines, and without all others."""
-    if case.ring is None:
-        return
     if any(layer.edge_line for layer in case.moving):
         yield replace(case, moving=_dull(case.moving))
     if any(layer.edge_line for layer in case.static):

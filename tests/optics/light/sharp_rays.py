@@ -35,8 +35,9 @@ class SharpRounding:
 
     def inward_um(self, tilt_rad: float) -> float:
         """Return how far inside the edge it has a tilt."""
-        along = math.atan2(math.sin(tilt_rad) / self.steepness, math.cos(tilt_rad))
-        return self.radius_um * (1 - math.sin(along))
+        # of the circle that, made higher or lower, is the rounding
+        angle_rad = math.atan2(math.sin(tilt_rad) / self.steepness, math.cos(tilt_rad))
+        return self.radius_um * (1 - math.sin(angle_rad))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
