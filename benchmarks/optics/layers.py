@@ -28,7 +28,8 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
-from microplan.planner.views.scenes import relevant, world_scene
+from microplan.planner.views.light.layer_reach import relevant
+from microplan.planner.views.scenes import world_scene
 from tests.optics.shapes import microscope
 
 STEPS = ("grasp", "over_shaft")

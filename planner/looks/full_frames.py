@@ -13,16 +13,16 @@ from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.lens_errors import known_errors, lamp_aperture, lamp_slope
+from microplan.planner.views.light.layer_reach import lit
 from microplan.planner.views.light.lit_layers import ring_lamp, through
-from microplan.planner.views.scenes import lit
 
 
 def seen_scene(
     cell: Workcell, scene: Scene, scope: Microscope, focus_um: float
 ) -> Scene:
     """Return the scene that reaches the frame, as the lens images it."""
-    layers = lit(cell, scene, scope, focus_um, full(scope))
+    layers = lit(scene, scope, focus_um, full(scope), lamp_slope(cell, scope))
     shown = replace(through(cell, scene, scope), layers=layers)
     return lens_scene(shown, scope, known_errors(cell), focus_um)
 

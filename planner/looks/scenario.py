@@ -28,7 +28,8 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.lens_errors import known_errors, lamp_aperture, lamp_slope
+from microplan.planner.views.light.layer_reach import lit
 from microplan.planner.views.light.lit_layers import (
     asks_for_walls,
     field_level,
@@ -38,7 +39,7 @@ from microplan.planner.views.light.lit_layers import (
 )
 from microplan.planner.views.light.unknown_walls import unknown_surfaces
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
-from microplan.planner.views.scenes import lit, world_scene
+from microplan.planner.views.scenes import world_scene
 from microplan.planner.views.target_views import needed_shape, search_um, target_pose
 from microplan.planner.views.targets import TargetShape, target_edges, target_layers
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
@@ -137,6 +138,7 @@ def feature_case(
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
     wide_um = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
+    far_um = search_um(task, spot)
     return replace(
         case,
         key=f"{case.key}/{shape.name}",
@@ -150,16 +152,8 @@ def feature_case(
         tolerance_theta_rad=None
         if case.tolerance_theta_rad is None or angle is None
         else angle * SHARE_TOGETHER,
-        spread=replace(
-            case.spread,
-            pose_sigma_xy_um=wide_um,
-            search_um=search_um(task, spot),
-        ),
-        stated=replace(
-            case.drawn,
-            pose_sigma_xy_um=spot.sigma_xy_um,
-            search_um=search_um(task, spot),
-        ),
+        spread=replace(case.spread, pose_sigma_xy_um=wide_um, search_um=far_um),
+        stated=replace(case.drawn, pose_sigma_xy_um=spot.sigma_xy_um, search_um=far_um),
     )
 
 
@@ -216,11 +210,12 @@ def _layers(
     task: Task, request: Request, shape: TargetShape, view: ViewPlan
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
     """Return the layers that are fixed in trials, and those that move."""
-    scene = world_scene(task, request.state)
-    seen = lit(task.workcell, scene, view.microscope, view.focus_um, view.region)
-    own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
-    static = tuple(layer for layer in seen if layer.name not in own)
+    scope, scene = view.microscope, world_scene(task, request.state)
+    slope = lamp_slope(task.workcell, scope)
+    seen = lit(scene, scope, view.focus_um, view.region, slope)
     known = {layer.name: layer for layer in seen}
+    own = {name for name in known if name.partition(".")[0] == shape.owner}
+    static = tuple(layer for layer in seen if layer.name not in own)
     moving = tuple(
         replace(known[layer.name], outline=layer.outline)
         for layer in target_layers(task, request.state, shape)

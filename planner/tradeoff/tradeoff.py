@@ -43,9 +43,10 @@ from microplan.planner.tradeoff.tradeoff_record import (
 )
 from microplan.planner.views.coarse import first_views
 from microplan.planner.views.lens_errors import known_errors
+from microplan.planner.views.light.layer_reach import relevant
 from microplan.planner.views.light.lit_layers import field_level
 from microplan.planner.views.requests import Request, requests
-from microplan.planner.views.scenes import relevant, world_scene
+from microplan.planner.views.scenes import world_scene
 from microplan.planner.views.target_views import needed_shape, target_pose
 from microplan.planner.views.views import ViewPlan
 from microplan.planner.views.zooms import microscope_at

@@ -12,10 +12,15 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, State
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.light.lit_layers import dull_level, stage_level
+from microplan.planner.views.light.lit_layers import (
+    dull_level,
+    ring_lamp,
+    stage_level,
+)
 from microplan.planner.views.targets import TargetShape, surface_of, target_layers
 
 NM_PER_UM = 1000.0
+_LOWEST = 4.0  # um aside a um of height, of a ring's light
 _MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
 
 
@@ -44,6 +49,19 @@ def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
         return None
     share = coaxial_share(cell)
     return min(share * microscope.aperture, _MOST_APERTURE * microscope.medium_index)
+
+
+def lamp_slope(cell: Workcell, microscope: Microscope) -> float:
+    """Return how far aside the lamp's steepest rays go a um of height, 0 from below.
+
+    Of a ring near the horizon, `_LOWEST`: what stands farther off shades too little.
+    """
+    if (aperture := lamp_aperture(cell, microscope)) is not None:
+        return math.tan(math.asin(aperture / microscope.medium_index))
+    ring = ring_lamp(cell)
+    if ring is None:
+        return 0.0
+    return math.tan(min(ring.high_rad, math.atan(_LOWEST)))
 
 
 def coaxial_share(cell: Workcell) -> float:

@@ -11,8 +11,7 @@ import shapely
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Edge, Outline, Segment, place
 from microplan.optics.outline.tolerant_order import least
-from microplan.optics.render.scene import Layer, Scene, Window
-from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.render.scene import Layer, Scene
 from microplan.planner.assembly.assembly import (
     Body,
     Place,
@@ -24,20 +23,15 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.assembly.world import axis_move
 from microplan.planner.task.task import Task
-from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.lens_errors import lamp_aperture
 from microplan.planner.views.light.lit_layers import (
     asks_for_walls,
     lit_layers,
-    ring_lamp,
     stage_level,
 )
 from microplan.planner.views.targets import TargetShape, face_layers, outline_of
 from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
 from microplan.schemas.plan import Shade
 from microplan.schemas.pose import Pose
-
-_LOWEST = 4.0  # um aside a um of height
 
 
 def look_scene(
@@ -105,59 +99,6 @@ def world_scene(task: Task, state: State) -> Scene:
     )
 
 
-def relevant(
-    layers: tuple[Layer, ...], microscope: Microscope, focus_um: float, window: Window
-) -> tuple[Layer, ...]:
-    """Return the layers whose blurred image reaches the window."""
-    return tuple(
-        layer
-        for layer in layers
-        if _meets(layer, _seen_um(layer, microscope, focus_um), microscope, window)
-    )
-
-
-def lit(
-    cell: Workcell,
-    scene: Scene,
-    microscope: Microscope,
-    focus_um: float,
-    window: Window,
-) -> tuple[Layer, ...]:
-    """Return the layers whose blurred image, or whose shade, reaches the window."""
-    steepest = lamp_slope(cell, microscope)
-    heights = [layer.z_um for layer in scene.layers]
-    if scene.background_z_um is not None:
-        heights.append(scene.background_z_um)
-    low_um = min(heights, default=focus_um)
-    aside_um = abs(low_um - focus_um) * _slope(microscope)
-    return tuple(
-        layer
-        for layer in scene.layers
-        if _meets(
-            layer,
-            max(
-                _seen_um(layer, microscope, focus_um),
-                aside_um + (layer.z_um - low_um) * steepest,
-            ),
-            microscope,
-            window,
-        )
-    )
-
-
-def lamp_slope(cell: Workcell, microscope: Microscope) -> float:
-    """Return how far aside the lamp's steepest rays go a um of height, 0 from below.
-
-    Of a ring near the horizon, `_LOWEST`: what stands farther off shades too little.
-    """
-    if (aperture := lamp_aperture(cell, microscope)) is not None:
-        return math.tan(math.asin(aperture / microscope.medium_index))
-    ring = ring_lamp(cell)
-    if ring is None:
-        return 0.0
-    return math.tan(min(ring.high_rad, math.atan(_LOWEST)))
-
-
 def shade_of(
     task: Task,
     state: State,
@@ -215,39 +156,6 @@ def _layers(body: Body, *, walls: bool) -> tuple[Layer, ...]:
         for layer in face_layers(
             body.name, body.outline, body.z_high_um, body.reflectance, body.marks
         )
-    )
-
-
-def _seen_um(layer: Layer, microscope: Microscope, focus_um: float) -> float:
-    """Return how far beyond a layer's outline its blurred image reaches."""
-    # 20 Airy units beyond the geometrical blur hold all but 1 % of the diffracted light
-    ends = (
-        layer.z_um,
-        layer.z_um if layer.underside_um is None else layer.underside_um,
-    )
-    blur_um = max(abs(z_um - focus_um) for z_um in ends) * _slope(microscope)
-    return blur_um + 20 * microscope.wavelength_um / microscope.aperture
-
-
-def _slope(microscope: Microscope) -> float:
-    """Return how far aside the marginal ray goes a um of height."""
-    return math.tan(math.asin(microscope.aperture / microscope.medium_index))
-
-
-def _meets(layer: Layer, reach: float, microscope: Microscope, window: Window) -> bool:
-    """Return whether a layer's bounds and so many um beyond meet the window."""
-    x0, y0, x1, y1 = layer.outline.bounds_um
-    k = microscope.px_per_um
-    cx, cy = (microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2
-    left, right = cx + k * (x0 - reach), cx + k * (x1 + reach)
-    top, bottom = cy - k * (y1 + reach), cy - k * (y0 - reach)
-    # a pixel reaches half a pixel to all sides of its centre, a whole number
-    first_column, first_row = window.column - 0.5, window.row - 0.5
-    return (
-        right >= first_column
-        and left <= first_column + window.columns
-        and bottom >= first_row
-        and top <= first_row + window.rows
     )
 
 

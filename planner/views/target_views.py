@@ -14,12 +14,12 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.surfaces import surfaces
 from microplan.planner.task.task import PartFeature, Task
 from microplan.planner.views.focus import focus_for
+from microplan.planner.views.light.layer_reach import relevant
 from microplan.planner.views.light.lit_layers import field_level
 from microplan.planner.views.light.opaque_below import report_opaque
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import (
     edge_points,
-    relevant,
     shade_of,
     world_scene,
 )

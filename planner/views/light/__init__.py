@@ -5,5 +5,5 @@ Out: layers as the light shows them, level of the bright field, the ring's lamp,
 planner.views and planner.looks; finding MP407.
 The type that passes: `Layer` (optics.render.scene).
 May be touched here: what a face sends in each kind of light, with docs/model.md.
-Watched by: tests/planner/views/light/test_lit_layers.py.
+Watched by: tests/planner/views/light/test_lit_layers.py, test_layer_reach.py.
 """
