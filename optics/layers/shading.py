@@ -23,6 +23,7 @@ from microplan.optics.layers.coaxial_light import (
 )
 from microplan.optics.layers.joint_light import joint_light
 from microplan.optics.layers.mirrors.images import free_of_images, mirror_images
+from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.light_change import solid_light, solid_share
 from microplan.optics.layers.wall_view import wall_residual
@@ -98,6 +99,38 @@ def render_coaxial(
     and between bodies, is left out.
     """
     frame = window or full(microscope)
+    blurred = partial(
+        cover, focus_um=focus_um, model=model, window=frame, shift_um=shift_um,
+        sampling=sampling,
+    )  # fmt: skip
+    parts = lit_parts(scene, microscope, lamp_aperture, also=also, blurred=blurred)
+    image, *more = (
+        _image(
+            part, focus_um=focus_um, lamp_aperture=lamp_aperture, model=model,
+            frame=frame, shift_um=shift_um, under=under, sampling=sampling, finer=finer,
+        )
+        for part in parts
+    )  # fmt: skip
+    for each in more:
+        image += each
+    light_up(image, microscope, frame, light or Illumination())
+    return image
+
+
+def _image(
+    part: LitPart,
+    *,
+    focus_um: float,
+    lamp_aperture: float | None,
+    model: str,
+    frame: Window,
+    shift_um: tuple[float, float],
+    under: Sequence[Irradiance] | None,
+    sampling: Sampling,
+    finer: float,
+) -> FloatArray:
+    """Return an image in light of gain 1 that fills the lit pupil of a mirror."""
+    scene, microscope = part.scene, part.microscope
     fresh = cover(
         scene.layers,
         microscope,
@@ -114,7 +147,7 @@ def render_coaxial(
         frame=frame,
         shift_um=shift_um,
     )
-    everything = (*also, *fresh)
+    everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
     if lamp_aperture is not None:
         faces = _shaded(scene, view, everything, fresh, under, lamp_aperture, finer)
@@ -133,7 +166,6 @@ def render_coaxial(
     ):
         if change is not None:
             image += change
-    light_up(image, microscope, frame, light or Illumination())
     return image
 
 
