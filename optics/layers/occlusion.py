@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.mirrors.narrow_lamp import lit_parts
+from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.mirrors.sheets import polished, with_mirrors
 from microplan.optics.layers.rays import (
     Grid,
@@ -101,8 +101,7 @@ def occluded(
     D[composited layers] where all are in focus; and M for a wavelength of 0.
     """
     frame = window or full(microscope)
-    blurred = partial(cover, focus_um=focus_um, model=model, window=frame)
-    parts = lit_parts(scene, microscope, lamp_aperture, blurred=blurred)
+    whole = LitPart(scene=scene, microscope=microscope)
     lit = render(
         Scene(layers=(), background=1.0), microscope, focus_um=focus_um, model=model,
         window=frame, light=light,
@@ -117,7 +116,7 @@ def occluded(
             step_um=step_um or cell_um(each.scene.layers, each.microscope),
             lamp_aperture=lamp_aperture,
         )
-        for each in parts
+        for each in lit_parts(whole, lamp_aperture, lambda *_: ())
     )
     image: FloatArray = np.sum([each.whole(frame) for each in tracing], axis=0)
     return image * lit

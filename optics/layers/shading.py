@@ -78,7 +78,8 @@ def render_coaxial(
     -------
     (rows, columns) float64 array
         Share of full scale, not clipped. That of `render`, bit by bit, where nothing
-        shades what is seen and no two bodies out of focus hide the same rays.
+        shades what is seen, no two bodies out of focus hide the same rays, and the lamp
+        fills what mirrors show of the pupil (`mirrors.narrow_lamp`).
 
     Raises
     ------
@@ -103,13 +104,13 @@ def render_coaxial(
         cover, focus_um=focus_um, model=model, window=frame, shift_um=shift_um,
         sampling=sampling,
     )  # fmt: skip
-    parts = lit_parts(scene, microscope, lamp_aperture, also=also, blurred=blurred)
+    whole = LitPart(scene=scene, microscope=microscope, also=also)
     image, *more = (
         _image(
             part, focus_um=focus_um, lamp_aperture=lamp_aperture, model=model,
             frame=frame, shift_um=shift_um, under=under, sampling=sampling, finer=finer,
         )
-        for part in parts
+        for part in lit_parts(whole, lamp_aperture, blurred)
     )  # fmt: skip
     for each in more:
         image += each
@@ -129,7 +130,7 @@ def _image(
     sampling: Sampling,
     finer: float,
 ) -> FloatArray:
-    """Return an image in light of gain 1 that fills the lit pupil of a mirror."""
+    """Return an image in light of gain 1; mirrors send light to all its rays."""
     scene, microscope = part.scene, part.microscope
     fresh = cover(
         scene.layers,
@@ -252,7 +253,8 @@ def shade_error(
     float
         Share of full scale, two digits, rounded up: the largest difference between
         `render_coaxial` and `render` on some 64 x 64 large pixels, and on the true ones
-        about its maximum. 0 where nothing is shaded.
+        about its maximum. 0 where nothing is shaded and no mirror sees less than the
+        lens' cone.
 
     Raises
     ------

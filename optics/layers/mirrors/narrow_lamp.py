@@ -3,7 +3,8 @@
 A mirror sends back along a slope what the lamp sends along the mirrored one: the lens
 sees it dark beyond the lamp's cone, and as much brighter within, as walls keep a ray's
 slope. So what mirrors send is an image in a microscope whose lit rays are the lamp's,
-what dull faces send is one through the whole pupil, and both are added.
+what dull faces send is one through the whole pupil, and both are added. The first is
+blurred as what absorbs over such a lamp: `microplan.optics.transfer.lamp_limited`.
 """
 
 from __future__ import annotations
@@ -31,49 +32,44 @@ class LitPart:
 
 
 def lit_parts(
-    scene: Scene,
-    microscope: Microscope,
-    lamp_aperture: float | None,
-    *,
-    also: Sequence[Covered] = (),
-    blurred: Blurring,
+    whole: LitPart, lamp_aperture: float | None, blurred: Blurring
 ) -> tuple[LitPart, ...]:
     """Return scenes whose images add up to that of a scene in coaxial light.
 
-    The scene itself, where no mirror sees the lamp's rim: then dull faces first, and
-    mirrors over black. A mirror that nothing shades is as bright as a dull face then,
-    and out of focus less blurred; its transfer is that of
-    `microplan.optics.transfer.lamp_limited`.
+    The scene itself, if no mirror sees beyond the lamp's cone: else dull faces, and
+    then mirrors over black. A mirror that nothing shades is as bright as a dull face.
 
     Parameters
     ----------
+    whole : LitPart
+        The scene in the lens' microscope.
     lamp_aperture : float, optional
         None: the light does not come through the objective.
-    also : sequence of Covered
-        More layers of the scene, blurred.
-    blurred : callable
-        Blurs them as they were, by another microscope.
+    blurred : Blurring
+        Blurs other layers as those of `whole.also` were.
     """
-    layers = [c.layer for c in also]
+    scene, layers = whole.scene, [c.layer for c in whole.also]
     if lamp_aperture is None or not _splits(
-        (*scene.layers, *layers), microscope, lamp_aperture
+        (*scene.layers, *layers), whole.microscope, lamp_aperture
     ):
-        return (LitPart(scene=scene, microscope=microscope, also=also),)
-    narrow = replace(microscope, lamp_aperture=lamp_aperture)
-    dull = replace(scene, layers=tuple(map(_dull, scene.layers)))
-    shiny = replace(scene, layers=tuple(map(_shiny, scene.layers)), background=0.0)
-    return (
-        LitPart(
-            scene=dull,
-            microscope=microscope,
-            also=[replace(c, layer=_dull(c.layer)) for c in also],
-        ),
-        LitPart(
-            scene=shiny,
-            microscope=narrow,
-            also=blurred([_shiny(layer) for layer in layers], narrow),
-        ),
+        return (whole,)
+    dull = replace(
+        whole,
+        scene=replace(scene, layers=tuple(map(_dull, scene.layers))),
+        also=[replace(c, layer=_dull(c.layer)) for c in whole.also],
     )
+    narrow = replace(whole.microscope, lamp_aperture=lamp_aperture)
+    mirrors = [_shiny(layer) for layer in layers]
+    shiny = LitPart(
+        scene=Scene(
+            layers=tuple(map(_shiny, scene.layers)),
+            background=0.0,
+            background_z_um=scene.background_z_um,
+        ),
+        microscope=narrow,
+        also=blurred(mirrors, narrow),
+    )
+    return dull, shiny
 
 
 def _splits(
