@@ -5,5 +5,5 @@ optics.layers.joint_occlusion, as sheets for optics.layers.occlusion; scenes of 
 dull faces send and of what mirrors do, where the lamp is narrower than the lens.
 The type that passes: `Images` (images), `LitPart` (narrow_lamp).
 May be touched here: how images are grouped by height; a dull face stays bit-equal.
-Watched by: tests/optics/layers/mirrors/.
+Watched by: tests/optics/layers/mirrors/test_images.py and test_narrow_lamp.py.
 """
