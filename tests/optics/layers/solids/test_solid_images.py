@@ -18,7 +18,7 @@ LENS = LAMP = 0.42
 WINDOW = Window(row=16, column=36, rows=88, columns=88)
 OPTICS = microscope()
 RAYS = 1500  # a pixel: their mean errs by less than .25 / sqrt(1500), .0065, and less
-# where they lie in cells: two runs differ by .002 rms; twice as many for a narrow lamp
+# where they lie in cells: two runs differ by .002 rms
 FLOOR = 0.1
 
 
@@ -67,7 +67,7 @@ def traced(
     return seen(
         [prism(layer) for layer in scene.layers], (FLOOR, floor_um), points,
         aperture=OPTICS.aperture, lamp=lamp, focus_um=focus_um,
-        rays=RAYS if lamp == LENS else 2 * RAYS, rng=np.random.default_rng(5),
+        rays=RAYS, rng=np.random.default_rng(5),
     )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def test_a_mirror_under_a_narrow_lamp_shows_what_its_cone_finds(
     apart = image(scene, 100.0, lamp)[rows, columns] - truth
     # faces err by .005 rms, rays of .8 or 0 by half of .8 over the root of those that
     # the lamp sends, and by half of that where they lie in cells
-    noise = 0.8 / 4 / np.sqrt(2 * RAYS * (lamp / LENS) ** 2)
+    noise = 0.8 / 4 / np.sqrt(RAYS * (lamp / LENS) ** 2)
     assert np.sqrt(np.mean(apart**2)) < np.hypot(0.005, noise)
     wide = image(scene, 100.0)[rows, columns]
     assert np.sqrt(np.mean((wide - truth) ** 2)) > 0.07
