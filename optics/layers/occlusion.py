@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import FloatArray
+from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.mirrors.sheets import polished, with_mirrors
 from microplan.optics.layers.rays import (
     Grid,
@@ -100,38 +101,24 @@ def occluded(
     D[composited layers] where all are in focus; and M for a wavelength of 0.
     """
     frame = window or full(microscope)
-
-    def blurred(setting: Microscope, cut: Window) -> Sequence[Covered]:
-        return cover(
-            scene.layers,
-            setting,
-            focus_um=focus_um,
-            model=model,
-            window=cut,
-        )
-
+    whole = LitPart(scene=scene, microscope=microscope)
     lit = render(
-        Scene(layers=(), background=1.0),
-        microscope,
-        focus_um=focus_um,
-        model=model,
-        window=frame,
-        light=light,
-    )
-    stack = _sheets(blurred(microscope, frame))
-    image = composite(stack, scene.background, (frame.rows, frame.columns))
-    part = meeting(stack) if lamp_aperture is None else _all(image, stack)
-    if part is not None:
-        tracing = Tracing(
-            scene=scene,
-            microscope=microscope,
+        Scene(layers=(), background=1.0), microscope, focus_um=focus_um, model=model,
+        window=frame, light=light,
+    )  # fmt: skip
+    tracing = (
+        Tracing(
+            scene=each.scene,
+            microscope=each.microscope,
             focus_um=focus_um,
             model=model,
-            tangents=slopes(microscope, samples),
-            step_um=step_um or cell_um(scene.layers, microscope),
+            tangents=slopes(each.microscope, samples),
+            step_um=step_um or cell_um(each.scene.layers, each.microscope),
             lamp_aperture=lamp_aperture,
         )
-        image[part] = tracing.image(frame.part(*part), blurred)
+        for each in lit_parts(whole, lamp_aperture, lambda *_: ())
+    )
+    image: FloatArray = np.sum([each.whole(frame) for each in tracing], axis=0)
     return image * lit
 
 
@@ -146,6 +133,23 @@ class Tracing:
     tangents: FloatArray  # (N, 2), of the rays
     step_um: float  # largest side of a cell
     lamp_aperture: float | None = None
+
+    def whole(self, frame: Window) -> FloatArray:
+        """Return the image of a window, traced where layers meet, (rows, columns)."""
+
+        def blurred(setting: Microscope, cut: Window) -> Sequence[Covered]:
+            return cover(
+                self.scene.layers, setting, focus_um=self.focus_um, model=self.model,
+                window=cut,
+            )  # fmt: skip
+
+        stack = _sheets(blurred(self.microscope, frame))
+        background = self.scene.background
+        image = composite(stack, background, (frame.rows, frame.columns))
+        part = meeting(stack) if self.lamp_aperture is None else _all(image, stack)
+        if part is not None:
+            image[part] = self.image(frame.part(*part), blurred)
+        return image
 
     def image(self, crop: Window, blurred: Blurred) -> FloatArray:
         """Return the traced image of a crop, (rows, columns), share of full scale."""

@@ -1,8 +1,8 @@
 """Mirror images of what stands above a mirror face.
 
 A ray that leaves a mirror at height z came in with the mirrored slope: what it passed
-on the way down at height h it seems to pass at 2 z - h, below the mirror. Light of
-every slope comes from the lamp, so that images of higher bodies are black.
+on the way down at height h it seems to pass at 2 z - h, below the mirror. Along each
+lit ray light comes from the lamp alone, so that images of higher bodies are black.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Written from the geometry alone: a ray comes down through a pixel, ends on a face or
 the floor, is lost in a black wall or goes on mirrored by it. A diffuse face gets a
 ray of the lamp of any slope, traced upwards in the same way; a polished one that which
-it mirrors along the ray seen.
+it mirrors along the ray seen, if the lamp sends any of that slope.
 """
 
 from __future__ import annotations
@@ -83,22 +83,30 @@ def seen(
     rng: np.random.Generator,
     bounces: int = 8,
 ) -> FloatArray:
-    """Return the radiance at points (P, 2) of the plane in focus, (P,)."""
+    """Return the radiance at points (P, 2) of the plane in focus, (P,).
+
+    The lamp's light is even within its aperture; of each slope a polished face gives
+    back so much more than a dull one as the lens' cone is wider, none beyond.
+    """
     top = max(body.high_um for body in bodies) + 1.0
     found = np.empty(len(at_um))
     for k, at in enumerate(at_um):
         slopes = pupil(aperture, rays, rng)
+        lit = np.hypot(*slopes.T) < lamp / np.sqrt(1 - lamp**2)
+        bright = lit / lit.mean()  # 1 in the mean: walls keep what a ray rises
         start = at + (top - focus_um) * slopes
         back = _down(bodies, floor, start, -slopes, top, bounces)
         weight, face, finish, p, z, d = back
         free = np.ones(rays)
         shiny = (weight * face > 0) & (finish > 0)
-        free[shiny] = _up(bodies, p[shiny], d[shiny], z[shiny], top, bounces)
+        free[shiny] = bright[shiny] * _up(
+            bodies, p[shiny], d[shiny], z[shiny], top, bounces
+        )
         diffuse = (weight * face > 0) & (finish < 1)
-        lit = _up(bodies, p[diffuse], pupil(lamp, rays, rng)[diffuse], z[diffuse],
-                  top, bounces)  # fmt: skip
+        shaded = _up(bodies, p[diffuse], pupil(lamp, rays, rng)[diffuse], z[diffuse],
+                     top, bounces)  # fmt: skip
         free[diffuse] *= finish[diffuse]
-        free[diffuse] += (1 - finish[diffuse]) * lit
+        free[diffuse] += (1 - finish[diffuse]) * shaded
         found[k] = np.mean(weight * face * free)
     return found
 

@@ -15,7 +15,7 @@ from microplan.optics.render.scene import Layer, Scene, Window
 from tests.optics.layers.solids.brute_rays import prism, seen
 from tests.optics.shapes import disc, gear, microscope, rectangle
 
-LAMP = 0.42
+LENS = LAMP = 0.42
 WINDOW = Window(row=16, column=36, rows=88, columns=88)
 OPTICS = microscope()
 RAYS = 1500  # a pixel: their mean errs by less than .25 / sqrt(1500), .0065, and less
@@ -38,10 +38,10 @@ def seated(wall: float, finish: float, *, flat: bool = False) -> Scene:
     return Scene(layers=bodies, background=FLOOR, background_z_um=0.0)
 
 
-def image(scene: Scene, focus_um: float) -> FloatArray:
+def image(scene: Scene, focus_um: float, lamp: float = LAMP) -> FloatArray:
     """Return the region."""
     return render_coaxial(
-        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW
+        scene, OPTICS, focus_um=focus_um, lamp_aperture=lamp, window=WINDOW
     )
 
 
@@ -56,15 +56,19 @@ def pixels(radii_um: tuple[float, ...]) -> list[tuple[int, int]]:
 
 
 def traced(
-    scene: Scene, at: list[tuple[int, int]], focus_um: float, floor_um: float = 0.0
+    scene: Scene,
+    at: list[tuple[int, int]],
+    focus_um: float,
+    floor_um: float = 0.0,
+    lamp: float = LAMP,
 ) -> FloatArray:
     """Return what rays one by one see at pixels' centres."""
     x, y = pixel_axes_um(OPTICS, WINDOW, (0.0, 0.0))
     points = np.array([(x[0] + x[1] * c, y[0] + y[1] * r) for r, c in at])
     return seen(
         [prism(layer) for layer in scene.layers], (FLOOR, floor_um), points,
-        aperture=OPTICS.aperture, lamp=LAMP, focus_um=focus_um, rays=RAYS,
-        rng=np.random.default_rng(5),
+        aperture=OPTICS.aperture, lamp=lamp, focus_um=focus_um,
+        rays=RAYS, rng=np.random.default_rng(5),
     )  # fmt: skip
 
 
@@ -178,12 +182,17 @@ def test_a_thin_body_is_its_face() -> None:
     )
 
 
+def bored(finish: float, *, flat: bool = False) -> Scene:
+    """Return a post through the bore of a gear, to one side."""
+    scene = seated(0.0, finish, flat=flat)
+    moved = replace(scene.layers[1], outline=disc(22.0, (2.5, 1.0)))
+    return replace(scene, layers=(scene.layers[0], moved))
+
+
 @pytest.mark.parametrize(("finish", "flat"), [(0.5, False), (1.0, False), (1.0, True)])
 def test_a_mirror_shows_a_higher_body_twice(finish: float, flat: bool) -> None:
     """A post through the bore of a gear that is polished: as rays find."""
-    scene = seated(0.0, finish, flat=flat)
-    moved = replace(scene.layers[1], outline=disc(22.0, (2.5, 1.0)))
-    scene = replace(scene, layers=(scene.layers[0], moved))
+    scene = bored(finish, flat=flat)
     at = pixels(RADII)
     rows, columns = np.array(at).T
     apart = image(scene, 100.0)[rows, columns] - traced(scene, at, 100.0)
@@ -191,11 +200,32 @@ def test_a_mirror_shows_a_higher_body_twice(finish: float, flat: bool) -> None:
     assert np.sqrt(np.mean(apart**2)) < 0.008
 
 
-def test_a_mirror_beside_a_wall_that_mirrors_is_lit_past_it() -> None:
+@pytest.mark.parametrize(
+    ("finish", "flat", "lamp"), [(1.0, False, 0.2), (0.5, True, 0.2), (1.0, False, 0.1)]
+)
+def test_a_mirror_under_a_narrow_lamp_shows_what_its_cone_finds(
+    finish: float, flat: bool, lamp: float
+) -> None:
+    scene = bored(finish, flat=flat)
+    at = pixels(RADII)
+    rows, columns = np.array(at).T
+    truth = traced(scene, at, 100.0, lamp=lamp)
+    apart = image(scene, 100.0, lamp)[rows, columns] - truth
+    # faces err by .005 rms, rays of .8 or 0 by half of .8 over the root of those that
+    # the lamp sends, and by half of that where they lie in cells
+    noise = 0.8 / 4 / np.sqrt(RAYS * (lamp / LENS) ** 2)
+    assert np.sqrt(np.mean(apart**2)) < np.hypot(0.005, noise)
+    wide = image(scene, 100.0)[rows, columns]
+    assert np.sqrt(np.mean((wide - truth) ** 2)) > 0.07
+
+
+@pytest.mark.parametrize("lamp", [LENS, 0.2])
+def test_a_mirror_beside_a_wall_that_mirrors_is_lit_past_it(lamp: float) -> None:
     scene = seated(0.7, 1.0)
     at = pixels(RADII)
     rows, columns = np.array(at).T
-    apart = image(scene, 100.0)[rows, columns] - traced(scene, at, 100.0)
+    truth = traced(scene, at, 100.0, lamp=lamp)
+    apart = image(scene, 100.0, lamp)[rows, columns] - truth
     assert np.sqrt(np.mean(apart**2)) < 0.02  # as with dull faces, see above
 
 
