@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import (
@@ -139,17 +140,27 @@ def _shade_row(imaged: Imaged) -> LedgerRow:
     if imaged.lamp_aperture is None:
         reason = "the light does not come through the objective; nobody predicts it"
         return _row(effect, "not modelled", None, limit, reason)
-    left_out = shade_error(
-        imaged.scene,
-        imaged.microscope,
+    measured = partial(
+        shade_error,
+        microscope=imaged.microscope,
         focus_um=imaged.focus_um,
         lamp_aperture=imaged.lamp_aperture,
         window=imaged.window,
     )
+    left_out = most = measured(imaged.scene)
+    if any(layer.wall_reflectance > 0 for layer in imaged.scene.layers):
+        # walls that mirror give back what shade takes, and its error stays
+        most = measured(_black(imaged.scene))
     if not imaged.is_shaded:
         return _row(effect, "left out", left_out, limit, "measured on this scene")
     reason = f"coaxial light; leaving it out would err by {left_out:.2g}"
-    return _row(effect, "modelled", min(SHADED_ERROR, left_out), limit, reason)
+    return _row(effect, "modelled", min(SHADED_ERROR, most), limit, reason)
+
+
+def _black(scene: Scene) -> Scene:
+    """Return a scene whose walls mirror nothing."""
+    layers = (replace(layer, wall_reflectance=0.0) for layer in scene.layers)
+    return replace(scene, layers=tuple(layers))
 
 
 def _wall_row(imaged: Imaged) -> LedgerRow:

@@ -89,9 +89,11 @@ def test_layers_blurred_already_are_seen_as_those_of_the_scene() -> None:
 
 def edge(focus_um: float, optics: Microscope, finish: float) -> FloatArray:
     """Return the middle row of a half plane of .8 at 0, under a lamp of .2."""
-    return render_coaxial(
+    shown = render_coaxial(
         half_plane(finish), optics, focus_um=focus_um, lamp_aperture=0.2
-    )[optics.height_px // 2]
+    )
+    middle: FloatArray = shown[optics.height_px // 2]
+    return middle
 
 
 def half_plane(finish: float) -> Scene:
