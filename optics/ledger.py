@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import (
@@ -19,9 +18,9 @@ from microplan.optics.coherence.unmodelled import (
     vectorial_error,
 )
 from microplan.optics.layers.layer_error import LayerChoice
-from microplan.optics.layers.shading import SHADED_ERROR, shade_error
+from microplan.optics.layers.shading import SHADED_ERROR
 from microplan.optics.layers.solids.solid_bodies import is_solid
-from microplan.optics.layers.wall_error import wall_error
+from microplan.optics.layers.wall_error import most_shade_error, wall_error
 from microplan.optics.lens.lens_budget import LensRow
 from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -140,27 +139,17 @@ def _shade_row(imaged: Imaged) -> LedgerRow:
     if imaged.lamp_aperture is None:
         reason = "the light does not come through the objective; nobody predicts it"
         return _row(effect, "not modelled", None, limit, reason)
-    measured = partial(
-        shade_error,
-        microscope=imaged.microscope,
+    error = most_shade_error(
+        imaged.scene,
+        imaged.microscope,
         focus_um=imaged.focus_um,
         lamp_aperture=imaged.lamp_aperture,
         window=imaged.window,
     )
-    left_out = most = measured(imaged.scene)
-    if any(layer.wall_reflectance > 0 for layer in imaged.scene.layers):
-        # walls that mirror give back what shade takes, and its error stays
-        most = measured(_black(imaged.scene))
     if not imaged.is_shaded:
-        return _row(effect, "left out", left_out, limit, "measured on this scene")
-    reason = f"coaxial light; leaving it out would err by {left_out:.2g}"
-    return _row(effect, "modelled", min(SHADED_ERROR, most), limit, reason)
-
-
-def _black(scene: Scene) -> Scene:
-    """Return a scene whose walls mirror nothing."""
-    layers = (replace(layer, wall_reflectance=0.0) for layer in scene.layers)
-    return replace(scene, layers=tuple(layers))
+        return _row(effect, "left out", error, limit, "measured on this scene")
+    reason = f"coaxial light; leaving it out would err by {error:.2g}"
+    return _row(effect, "modelled", min(SHADED_ERROR, error), limit, reason)
 
 
 def _wall_row(imaged: Imaged) -> LedgerRow:

@@ -10,7 +10,7 @@ from microplan.featuresel.features.contour import with_contour
 from microplan.featuresel.look.scenario import LookCase, TrialSpread, UnknownRotation
 from microplan.featuresel.routines.contract import Target
 from microplan.optics.layers.layer_error import choose_layers
-from microplan.optics.layers.shading import shade_error
+from microplan.optics.layers.wall_error import most_shade_error
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
@@ -165,7 +165,7 @@ def _lamp(
     if aperture is None:
         return None
     error = memo.call(
-        shade_error,
+        most_shade_error,
         shown,
         view.microscope,
         focus_um=view.focus_um,
