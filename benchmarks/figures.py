@@ -55,7 +55,7 @@ class Figure:
 class Options:
     """What the command line says about the runs of the compiled example."""
 
-    seeds: range = range(100, 300)
+    seeds: range = range(100, 200)
     jobs: int = 2
     plan: Path | None = None  # a compiled plan.json; None: compile it first
 

@@ -58,7 +58,7 @@ def place(plan: Path, folder: Path, seed: int) -> Placed:
     RuntimeError
         As `benchmarks.executing.runs.perform`.
     """
-    outcome = perform(plan, folder, seed)
+    outcome = perform(plan, folder, seed, "solid")
     summary = folder / f"seed-{seed}" / "summary.json"
     verdict = json.loads(summary.read_text(encoding="utf-8"))["cell_verdict"]
     return Placed(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,8 +15,15 @@ import yaml
 from benchmarks.example import ROOT, compile_s, given
 from benchmarks.figures import Options
 from benchmarks.truth.compiler_side import Surface
+from microplan.planner.plan.cached_compile import compile_file
+from microplan.planner.plan.options import Options as CompileOptions
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import write_folder
+from microplan.planner.task.presets import PRESETS, Preset
 
-PRESET = "fast"  # a plan's looks are the same at all: fewer trials choose its chains
+# a plan's looks are the same at all: fewer trials choose its chains
+PRESET: Preset = "fast"
+RANDOM_TRIALS = 1024  # that sigma is judged of: it errs by 2 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +73,10 @@ def plan_of(example: TruthExample, options: Options) -> Iterator[Path]:
 def stated_plan(
     example: TruthExample, surface: Surface, jobs: int
 ) -> Iterator[tuple[Path, Path]]:
-    """Give the files of a task whose bodies all state one surface, and of its plan."""
+    """Give the files of a task whose bodies all state one surface, and of its plan.
+
+    Sigma and bias of its looks come from `RANDOM_TRIALS`.
+    """
     with TemporaryDirectory() as name:
         folder = Path(name) / "example"
         shutil.copytree(example.file.parent, folder)
@@ -80,8 +90,20 @@ def stated_plan(
                 _state(post, surface)
         for file, content in ((task_file, task), (workcell_file, workcell)):
             file.write_text(yaml.safe_dump(content), encoding="utf-8")
-        compile_s(Path(name) / "plan", jobs, task=task_file, preset=PRESET)
-        yield task_file, Path(name) / "plan" / "plan.json"
+        plan_file = Path(name) / "plan" / "plan.json"
+        _compile(task_file, plan_file.parent, jobs)
+        yield task_file, plan_file
+
+
+def _compile(task_file: Path, folder: Path, jobs: int) -> None:
+    """Compile with so many random trials as no preset has with so few others."""
+    report = Report()
+    effort = replace(PRESETS[PRESET], random_trials=RANDOM_TRIALS)
+    options = CompileOptions(preset=PRESET, effort=effort, jobs=jobs)
+    made = compile_file(str(task_file), report, options, None, lambda _: None)
+    if made is None:
+        raise RuntimeError(f"{task_file}: {report.in_order}")
+    write_folder(made, folder)
 
 
 class _Loader(yaml.SafeLoader):
