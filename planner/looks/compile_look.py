@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from microplan.featuresel.selection.evaluate import is_fit
+from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import WRONG_TOLERANCES
 from microplan.planner.looks.cost_findings import report_costs
-from microplan.planner.looks.evaluation import ChosenSet, Evaluation
-from microplan.planner.looks.feature_evaluation import begin_features
-from microplan.planner.looks.feature_sets import FeatureSetSearch, wanted
+from microplan.planner.looks.evaluation import Evaluation, TestedFeature
+from microplan.planner.looks.feature_evaluation import (
+    begin_features,
+    evaluate_features,
+)
+from microplan.planner.looks.feature_sets import (
+    FeatureSetResult,
+    FeatureSetSearch,
+    wanted,
+)
 from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import (
     CompiledLook,
@@ -117,9 +126,10 @@ def _by_several(
         tried = problem.evaluate(wide)
         if tried.comparison.selection.chosen is not None:
             return _finish(problem, tried, refused)
-        sets = FeatureSetSearch(problem=problem, tried=tried).run()
+        effects = _effects(problem, tried)
+        sets, found = _together(problem, tried, effects)
         if sets.chosen is not None:
-            return _decide(problem, tried, sets.rows, sets.chosen, refused)
+            return _decide(problem, tried, effects, sets, found, refused)
         refused.append((tried, sets.advice))
     return None
 
@@ -171,37 +181,76 @@ def _finish(
     problem: LookProblem, tried: Evaluation, refused: Sequence[_Refused]
 ) -> CompiledLook:
     """Return a look at its target alone, or at a set where that has more margin."""
+    effects = _effects(problem, tried)
+    if wanted(tried, problem.context.effort):
+        sets, found = _together(problem, tried, effects)
+    else:
+        search = FeatureSetSearch(problem=problem, tried=tried)
+        sets = FeatureSetResult(chosen=None, rows=search.left_out(), advice="")
+    if sets.chosen is None:
+        found = (measured(problem, tried, effects=effects),)
+    return _decide(problem, tried, effects, sets, found, refused)
+
+
+def _effects(problem: LookProblem, tried: Evaluation) -> tuple[p.EffectRow, ...]:
+    """Return the effects ledger of a look."""
+    return effect_rows(problem.task, problem.request, tried, problem.context.memo)
+
+
+def _together(
+    problem: LookProblem, tried: Evaluation, effects: Sequence[p.EffectRow]
+) -> tuple[FeatureSetResult, tuple[MeasuredFeature, ...]]:
+    """Return the set to use, and its features; none if there is no set.
+
+    A feature's chain to which errors of images cannot be charged is struck out, and the
+    set is chosen again.
+    """
     search = FeatureSetSearch(problem=problem, tried=tried)
-    if not wanted(tried, problem.context.effort):
-        return _decide(problem, tried, search.left_out(), None, refused)
-    sets = search.run()
-    return _decide(problem, tried, sets.rows, sets.chosen, refused)
+    tested, skipped = evaluate_features(problem, tried)
+    struck: dict[str, Mapping[Chain, str]] = {}
+    while True:
+        left = [_without(each, struck.get(each.shape.name, {})) for each in tested]
+        sets = search.among(left, skipped)
+        if sets.chosen is None:
+            return sets, ()
+        both = zip(sets.chosen.tested, sets.chosen.sights, strict=True)
+        found = tuple(
+            measured(problem, each.tried, each.shape, sight.sigma_um, effects)
+            for each, sight in both
+        )
+        faults = {m.shape.name: m for m in found if m.charges.fault}
+        if not faults:
+            return sets, found
+        for name, each in faults.items():
+            why = {each.chosen.chain: f"errors of images: {each.charges.fault}"}
+            struck[name] = {**struck.get(name, {}), **why}
+
+
+def _without(tested: TestedFeature, struck: Mapping[Chain, str]) -> TestedFeature:
+    """Return a feature whose chain was chosen without some, for the reasons given."""
+    if not struck:
+        return tested
+    tried = tested.tried
+    judged = tried.comparison.judged(tried.case, in_set=True, rejected=struck)
+    return replace(tested, tried=replace(tried, comparison=judged))
 
 
 def _decide(
     problem: LookProblem,
     tried: Evaluation,
-    rows: tuple[p.FeatureRow, ...],
-    chosen: ChosenSet | None,
+    effects: tuple[p.EffectRow, ...],
+    sets: FeatureSetResult,
+    found: tuple[MeasuredFeature, ...],
     refused: Sequence[_Refused],
 ) -> CompiledLook:
     """Return a look that measures the features of a set, or the target alone."""
-    found: tuple[MeasuredFeature, ...]
-    effects = effect_rows(problem.task, problem.request, tried, problem.context.memo)
-    if chosen is None:
-        found = (measured(problem, tried, effects=effects),)
-    else:
-        found = tuple(
-            measured(problem, tested.tried, tested.shape, sight.sigma_um, effects)
-            for tested, sight in zip(chosen.tested, chosen.sights, strict=True)
-        )
     zooms = tuple(
         ZoomTried(magnification=each.case.microscope.magnification, reason=advice)
         for each, advice in refused
     )
     decided = LookDecision(
-        tried=tried, found=found, rows=rows, effects=effects, together=chosen,
-        refused=zooms,
+        tried=tried, found=found, rows=sets.rows, effects=effects,
+        together=sets.chosen, refused=zooms,
     )  # fmt: skip
     return compiled(problem, decided)
 

@@ -26,7 +26,7 @@ from microplan.planner.looks.evaluation import (
     FeatureRanking,
     TestedFeature,
 )
-from microplan.planner.looks.feature_evaluation import evaluate_features, target_alone
+from microplan.planner.looks.feature_evaluation import target_alone
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.scenario import MOST_TOGETHER
 from microplan.planner.task.presets import Effort
@@ -50,9 +50,13 @@ class FeatureSetSearch:
     problem: LookProblem
     tried: Evaluation  # of the target alone
 
-    def run(self) -> FeatureSetResult:
-        """Return the result of the search: the set to use, or why there is none."""
-        tested, skipped = evaluate_features(self.problem, self.tried)
+    def among(
+        self, tested: Sequence[TestedFeature], skipped: Sequence[p.FeatureRow]
+    ) -> FeatureSetResult:
+        """Return the set to use of features that were evaluated, or why there is none.
+
+        `skipped` are the rows of those that were not.
+        """
         sights = {r.shape.name: self._sight(r) for r in tested if r.passes}
         found = self._found(list(sights.values())) if sights else None
         chosen, advice = self._settled(tested, sights, found)
