@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from microplan.featuresel.selection.evaluate import is_fit
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import WRONG_TOLERANCES
 from microplan.planner.looks.cost_findings import report_costs
-from microplan.planner.looks.evaluation import Evaluation, TestedFeature
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.feature_evaluation import (
     begin_features,
     evaluate_features,
+    without_chains,
 )
 from microplan.planner.looks.feature_sets import (
     FeatureSetResult,
@@ -209,7 +209,9 @@ def _together(
     tested, skipped = evaluate_features(problem, tried)
     struck: dict[str, Mapping[Chain, str]] = {}
     while True:
-        left = [_without(each, struck.get(each.shape.name, {})) for each in tested]
+        left = [
+            without_chains(each, struck.get(each.shape.name, {})) for each in tested
+        ]
         sets = search.among(left, skipped)
         if sets.chosen is None:
             return sets, ()
@@ -224,15 +226,6 @@ def _together(
         for name, each in faults.items():
             why = {each.chosen.chain: f"errors of images: {each.charges.fault}"}
             struck[name] = {**struck.get(name, {}), **why}
-
-
-def _without(tested: TestedFeature, struck: Mapping[Chain, str]) -> TestedFeature:
-    """Return a feature whose chain was chosen without some, for the reasons given."""
-    if not struck:
-        return tested
-    tried = tested.tried
-    judged = tried.comparison.judged(tried.case, in_set=True, rejected=struck)
-    return replace(tested, tried=replace(tried, comparison=judged))
 
 
 def _decide(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.evaluate import RoutineComparison, compare_routines
+from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
@@ -62,6 +63,13 @@ def target_alone(
     reason = f"not tried: {problem.shape.name} alone does"
     others = [_not_tried(shape, reason) for _, shape in known.others]
     return _as_feature(problem, known.target, tried), [*others, *_avoided(known)]
+
+
+def without_chains(tested: TestedFeature, struck: Mapping[Chain, str]) -> TestedFeature:
+    """Return a feature whose chain is chosen without some, for the reasons given."""
+    tried = tested.tried
+    judged = tried.comparison.judged(tried.case, in_set=True, rejected=struck)
+    return replace(tested, tried=replace(tried, comparison=judged))
 
 
 def _proposals(problem: LookProblem) -> Proposals:

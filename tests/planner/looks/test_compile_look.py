@@ -11,7 +11,10 @@ from typing import TypeVar
 from microplan.optics.outline.outline import Arc, Outline, Ring
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.compile_look import compile_look, look_at_first
-from microplan.planner.looks.feature_evaluation import evaluate_features
+from microplan.planner.looks.feature_evaluation import (
+    evaluate_features,
+    without_chains,
+)
 from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.looks.scenario import build_case
@@ -131,3 +134,10 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     assert afterwards == 0 < anew
     assert len(scores) == 2
     assert scores == fresh
+
+    first, *_ = raced
+    assert without_chains(first, {}).chosen == first.chosen
+    chain, why = first.chosen.chain, "errors of images: too few pairs"
+    left = without_chains(first, {chain: why}).tried.comparison.selection
+    assert left.chosen is None or left.chosen.chain != chain
+    assert why in dict(left.reasons)[chain]
