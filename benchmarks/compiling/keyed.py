@@ -28,6 +28,7 @@ from benchmarks.compiling.outline_shapes import (
 )
 from benchmarks.executing.runs import perform
 from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.truth.examples import STATED, state_surfaces
 from microplan.optics.outline.outline import Arc, Edge, Outline
 from microplan.planner.cli.main import main
 from microplan.planner.task.regions.features import dominant_circle
@@ -97,6 +98,8 @@ def write_task(folder: Path, bore: Outline, post: Outline) -> Path:
         assert old in text
         text = re.sub(re.escape(old) + ".*", new, text)
     file.write_text(text, encoding="utf-8")
+    # with any walls the images of a keyed post down its bore are not sure enough
+    state_surfaces(file, STATED)
     return file
 
 

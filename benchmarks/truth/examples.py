@@ -24,6 +24,9 @@ from microplan.planner.task.presets import PRESETS, Preset
 # a plan's looks are the same at all: fewer trials choose its chains
 PRESET: Preset = "fast"
 RANDOM_TRIALS = 1024  # that sigma is judged of: it errs by 2 %
+# stated in a task, and what the cell's bodies have; past black walls the post below
+# the gear is too dark, and the task infeasible
+STATED = Surface(wall=0.6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,18 +84,23 @@ def stated_plan(
         folder = Path(name) / "example"
         shutil.copytree(example.file.parent, folder)
         task_file = folder / example.file.name
-        task = _read(task_file)
-        workcell_file = folder / task["workcell"]
-        workcell = _read(workcell_file)
-        for body in (*task["parts"].values(), *workcell["tools"].values()):
-            _state(body, surface)
-            for post in body.get("posts", {}).values():
-                _state(post, surface)
-        for file, content in ((task_file, task), (workcell_file, workcell)):
-            file.write_text(yaml.safe_dump(content), encoding="utf-8")
+        state_surfaces(task_file, surface)
         plan_file = Path(name) / "plan" / "plan.json"
         _compile(task_file, plan_file.parent, jobs)
         yield task_file, plan_file
+
+
+def state_surfaces(task_file: Path, surface: Surface) -> None:
+    """Let all bodies of a task and of its workcell state one surface."""
+    task = _read(task_file)
+    workcell_file = task_file.parent / task["workcell"]
+    workcell = _read(workcell_file)
+    for body in (*task["parts"].values(), *workcell["tools"].values()):
+        _state(body, surface)
+        for post in body.get("posts", {}).values():
+            _state(post, surface)
+    for file, content in ((task_file, task), (workcell_file, workcell)):
+        file.write_text(yaml.safe_dump(content), encoding="utf-8")
 
 
 def _compile(task_file: Path, folder: Path, jobs: int) -> None:

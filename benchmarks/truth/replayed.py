@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.truth.cell_side import as_tried, put, scenes_of
 from benchmarks.truth.compiler_side import Surface, TrialCase, task_of, trial_cases
-from benchmarks.truth.examples import GEAR, PRESET, stated_plan
+from benchmarks.truth.examples import GEAR, PRESET, STATED, stated_plan
 from benchmarks.truth.promised import Promise, angles_before, promised
 from microplan.arrays import FloatArray
 from microplan.executor.analysis.pictures import Viewer, viewer
@@ -31,9 +31,6 @@ from microplan.schemas.pose import Pose
 
 PICTURES = 300  # of each look: 600 values, x and y pooled
 NORMAL_95 = 1.96  # sigmas either side
-# stated in the task, and what the cell's bodies have; past black walls the post below
-# the gear is too dark, and the task infeasible
-STATED = Surface(wall=0.6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
