@@ -98,8 +98,6 @@ def write_task(folder: Path, bore: Outline, post: Outline) -> Path:
         assert old in text
         text = re.sub(re.escape(old) + ".*", new, text)
     file.write_text(text, encoding="utf-8")
-    # with any walls the images of a keyed post down its bore are not sure enough
-    state_surfaces(file, STATED)
     return file
 
 
@@ -149,6 +147,8 @@ def compiled(
     """Yield the plans of keyed pairs, and whether a run of each seats the gear."""
     for index, (_, bore, post) in enumerate(keyed_pairs(count, seed)):
         task = write_task(folder / f"{index}", bore, post)
+        # with any walls the images of a keyed post down its bore are not sure enough
+        state_surfaces(task, STATED)
         out = folder / f"{index}.plan"
         options = [
             "--preset",
