@@ -47,20 +47,27 @@ class DistanceField:
 
     def between(self, x: Float32Array, y: Float32Array) -> Float32Array:
         """Return distances at world points by the four about each, (N,) um."""
-        half, one = np.float32(0.5), np.float32(1)
+        one = np.float32(1)
         (rows, columns), (u, v) = self.values.shape, self.places(x, y)
-        u = np.minimum(np.maximum(u - half, np.float32(0)), np.float32(columns - 1.01))
-        v = np.minimum(np.maximum(v - half, np.float32(0)), np.float32(rows - 1.01))
+        for at, count in ((u, columns), (v, rows)):
+            np.subtract(at, np.float32(0.5), out=at)
+            _limit(at, count - 1.01)
         column, row = u.astype(np.int32), v.astype(np.int32)
         u -= column
         v -= row
-        first, values = row * columns + column, self.values.ravel()
-        low, high = (
-            values.take(at) * (one - u) + values.take(at + 1) * u
-            for at in (first, first + columns)
-        )
-        found: Float32Array = low * (one - v) + high * v
-        return found
+        row *= columns
+        row += column
+        rest, values = one - u, self.values.ravel()
+        sides = []
+        for first in (row, row + np.int32(columns)):
+            side = values.take(first) * rest
+            side += values.take(first + 1) * u
+            sides.append(side)
+        low, high = sides
+        low *= one - v
+        high *= v
+        low += high
+        return low
 
     def normal(
         self, x: Float32Array, y: Float32Array
@@ -70,8 +77,9 @@ class DistanceField:
         rows, columns = self.values.shape
         left, right = np.maximum(column - 2, 0), np.minimum(column + 2, columns - 1)
         low, high = np.maximum(row - 2, 0), np.minimum(row + 2, rows - 1)
-        u = self.values[row, right] - self.values[row, left]
-        v = self.values[high, column] - self.values[low, column]
+        values, first = self.values.ravel(), row * columns
+        u = values.take(first + right) - values.take(first + left)
+        v = values.take(high * columns + column) - values.take(low * columns + column)
         length = np.maximum(np.hypot(u, v), np.float32(1e-6))
         c, s = (np.float32(value) for value in self.turn)
         return (c * u - s * v) / length, (s * u + c * v) / length
@@ -95,16 +103,25 @@ class DistanceField:
     ) -> tuple[Float32Array, Float32Array]:
         """Return world vectors, (...) um, in the grid's steps."""
         c, s = (np.float32(value / STEP_UM) for value in self.turn)
-        return c * x + s * y, c * y - s * x
+        u, v = c * x, c * y
+        u += s * y
+        v -= s * x
+        return u, v
 
     def _nearest(
         self, u: Float32Array, v: Float32Array
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """Return the nearest column and row, at the rim for points beyond."""
         rows, columns = self.values.shape
-        column = np.minimum(np.maximum(u, np.float32(0)), np.float32(columns - 1))
-        row = np.minimum(np.maximum(v, np.float32(0)), np.float32(rows - 1))
-        return column.astype(np.int32), row.astype(np.int32)
+        near = (_limit(u.copy(), columns - 1), _limit(v.copy(), rows - 1))
+        column, row = (at.astype(np.int32) for at in near)
+        return column, row
+
+
+def _limit(at: Float32Array, most: float) -> Float32Array:
+    """Return places limited to 0 and `most`, in place."""
+    np.maximum(at, np.float32(0), out=at)
+    return np.minimum(at, np.float32(most), out=at)
 
 
 def distance_field(
