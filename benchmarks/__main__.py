@@ -21,6 +21,7 @@ from benchmarks.figures import (  # noqa: E402 - see above
     select,
     write,
 )
+from microplan.executor.simulated.cameras.kinds import CAMERAS  # noqa: E402 - see above
 
 RESULTS = Path(__file__).with_name("results.json")
 
@@ -31,6 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="figures; default all")
     parser.add_argument("--seeds", type=_seeds, default=Options().seeds)
     parser.add_argument("--jobs", type=int, default=Options().jobs)
+    parser.add_argument("--camera", choices=CAMERAS, default=Options().camera)
     parser.add_argument("--plan", type=Path, help="plan.json; default: compile it")
     parser.add_argument("--out", type=Path, default=RESULTS)
     call = parser.parse_args(argv)
@@ -39,7 +41,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     figures: list[Figure] = []
-    options = Options(seeds=call.seeds, jobs=call.jobs, plan=call.plan)
+    options = Options(
+        seeds=call.seeds, jobs=call.jobs, plan=call.plan, camera=call.camera
+    )
     for figure in run(chosen, options):
         print(json.dumps(figure.form()), flush=True)
         figures.append(figure)

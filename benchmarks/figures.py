@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from microplan.executor.simulated.cameras.kinds import CameraKind
+
 Form = dict[str, str | float]
 
 TIMES = ("s", "ms", "us")
@@ -58,6 +60,7 @@ class Options:
     seeds: range = range(100, 200)
     jobs: int = 2
     plan: Path | None = None  # a compiled plan.json; None: compile it first
+    camera: CameraKind = "solid"  # of the simulated cell in whole runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

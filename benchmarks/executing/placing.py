@@ -19,6 +19,7 @@ from benchmarks.example import ROOT, compile_s, given
 from benchmarks.executing.final_errors import quantile_bounds, share_bounds
 from benchmarks.executing.runs import perform
 from benchmarks.figures import Benchmark, Figure, Options
+from microplan.executor.simulated.cameras.kinds import CameraKind
 
 TASK = ROOT / "examples" / "laser_die" / "task.yaml"
 MOST = 0.95  # the share of `placing.most_um`
@@ -50,7 +51,7 @@ class Placed:
     turn_rad: float
 
 
-def place(plan: Path, folder: Path, seed: int) -> Placed:
+def place(plan: Path, folder: Path, seed: int, camera: CameraKind) -> Placed:
     """Run the plan once; return where the die truly lies against its mark.
 
     Raises
@@ -58,7 +59,7 @@ def place(plan: Path, folder: Path, seed: int) -> Placed:
     RuntimeError
         As `benchmarks.executing.runs.perform`.
     """
-    outcome = perform(plan, folder, seed, "solid")
+    outcome = perform(plan, folder, seed, camera)
     summary = folder / f"seed-{seed}" / "summary.json"
     verdict = json.loads(summary.read_text(encoding="utf-8"))["cell_verdict"]
     return Placed(
@@ -70,10 +71,10 @@ def place(plan: Path, folder: Path, seed: int) -> Placed:
 
 
 def place_all(
-    plan: Path, folder: Path, seeds: Sequence[int], jobs: int
+    plan: Path, folder: Path, seeds: Sequence[int], jobs: int, camera: CameraKind
 ) -> list[Placed]:
     """Run the plan with every seed, `jobs` processes at a time."""
-    work = partial(place, plan, folder)
+    work = partial(place, plan, folder, camera=camera)
     if jobs == 1:
         return [work(seed) for seed in seeds]
     # spawned, as a process forked from one with threads may hang
@@ -127,7 +128,7 @@ def _measure(options: Options) -> Iterator[Figure]:
             plan = folder / "die.plan" / "plan.json"
             taken = compile_s(plan.parent, options.jobs, task=TASK, preset="fast")
         yield _one("compile_s", taken, "s")
-        placed = place_all(plan, folder, options.seeds, options.jobs)
+        placed = place_all(plan, folder, options.seeds, options.jobs, options.camera)
         yield from figures(placed, json.loads(plan.read_text(encoding="utf-8")))
 
 

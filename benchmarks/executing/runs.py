@@ -123,7 +123,9 @@ def _measure(options: Options) -> Iterator[Figure]:
             compile_s(folder / "example.plan", options.jobs)
             path = folder / "example.plan" / "plan.json"
         plan = json.loads(path.read_text(encoding="utf-8"))
-        outcomes = perform_all(path, folder, options.seeds, options.jobs, "solid")
+        outcomes = perform_all(
+            path, folder, options.seeds, options.jobs, options.camera
+        )
     yield from figures(outcomes, plan)
 
 
