@@ -48,30 +48,6 @@ class DistanceField:
         row += column
         return self.values.ravel().take(row)
 
-    def between(self, x: Float32Array, y: Float32Array) -> Float32Array:
-        """Return distances at world points by the four about each, (N,) um."""
-        one = np.float32(1)
-        (rows, columns), (u, v) = self.values.shape, self.places(x, y)
-        for at, count in ((u, columns), (v, rows)):
-            np.subtract(at, np.float32(0.5), out=at)
-            _limit(at, count - 1.01)
-        column, row = u.astype(np.int32), v.astype(np.int32)
-        u -= column
-        v -= row
-        row *= columns
-        row += column
-        rest, values = one - u, self.values.ravel()
-        sides = []
-        for first in (row, row + np.int32(columns)):
-            side = values.take(first) * rest
-            side += values.take(first + 1) * u
-            sides.append(side)
-        low, high = sides
-        low *= one - v
-        high *= v
-        low += high
-        return low
-
     def normal(
         self, x: Float32Array, y: Float32Array
     ) -> tuple[Float32Array, Float32Array]:

@@ -112,7 +112,8 @@ def _share(
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0
-        found += mirrored(turned, nothing, sky, ceiling_um, outside) / few.across.size
+        sums = mirrored(turned, nothing, sky, ceiling_um, outside).sum(axis=0)
+        found += sums / few.across.size
     return found.reshape(lattice.shape)
 
 

@@ -7,20 +7,17 @@ it is as wide as that, and hidden in part where an edge runs through it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import Float32Array, FloatArray, IntArray
 from microplan.optics.outline.distance_field import DistanceField
 
 _APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
 _MOST = 40  # such points
 _LEAST_UM = 1.0  # width of a ray where it starts
 _FIRST, _LAST = np.float32(0.0), np.float32(1.0)
-
-IndexArray = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +47,15 @@ class Rays:
             self.y_um + np.float32(z_um) * self.up,
         )
 
+    def some(self, points: IntArray) -> Rays:
+        """Return the rays of some points."""
+        return replace(self, x_um=self.x_um[points], y_um=self.y_um[points])
+
+    def moved_from(self, other: Rays) -> IntArray:
+        """Return the points of which any ray starts elsewhere than another's."""
+        moved = (self.x_um != other.x_um) | (self.y_um != other.y_um)
+        return np.flatnonzero(moved.any(axis=1))
+
 
 @dataclass(frozen=True, slots=True)
 class Paths:
@@ -68,7 +74,7 @@ class Paths:
         start, slope = (rays.x_um, rays.y_um), (rays.across, rays.up)
         return cls(field, *field.places(*start), *field.directions(*slope))
 
-    def some(self, point: IndexArray, ray: IndexArray) -> Paths:
+    def some(self, point: IntArray, ray: IntArray) -> Paths:
         """Return some rays, of (N,) indices of points and slopes."""
         start = point, ray % self.u.shape[1]
         return Paths(

@@ -97,9 +97,10 @@ def mirrored_view(
     count = mirrored_rays(lattice)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     args = bodies, [face.sends for face in faces], plane, plane_um
-    above = mirrored(*args, rays, above_um=0.0)
     outside = rays_outside([b for b in bodies if b.is_sharp], rays)
-    below = mirrored(*args, outside, below_um=0.0)
+    above, below = mirrored(*args, rays)
+    if (inside := outside.moved_from(rays)).size:
+        below[inside] = mirrored(*args, outside.some(inside))[1]
     beside = rays_outside([body for body in bodies if is_cut(body)], rays)
     sharp = []
     for face in faces:

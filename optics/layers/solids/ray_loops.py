@@ -1,0 +1,277 @@
+"""Loops over rays: the wall that each meets first, and its way between walls.
+
+Compiled: a ray ends after its own number of steps, which whole arrays do not show.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from microplan.arrays import Float32Array, FloatArray, IntArray
+from microplan.compiled import compiled
+from microplan.optics.layers.solids.straight_rays import ThickBody
+from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM
+
+LOST = -1  # rays that end nowhere: in black walls, or faint
+_TOUCH_UM = 0.1  # a ray this close to a wall meets it
+_LEAST_UM = 0.25  # step along it
+_WALL_UM = 1.0  # the same until the first wall, which is met between two steps
+_STEPS = 300  # of a mirrored ray
+_BOUNCES = 30  # on walls; what is left then is lost, as is less than
+_FAINT = 0.005  # of the light
+_PASSED_UM = 1e-3  # heights this close are one
+_RIM = 1.001  # steps from the end of a grid: four points lie about each place
+# columns of what is known of each body
+_FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS = range(10)
+
+
+def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
+    """Return all grids of distances, (N,) um, and what else is known of bodies.
+
+    (bodies, 10): where its grid begins, columns and rows; cosine and sine in grid
+    steps, the grid's own place; top, underside, um; what its walls reflect.
+    """
+    numbers = np.empty((len(bodies), 10))
+    first = 0
+    for row, body in zip(numbers, bodies, strict=True):
+        field = body.distance
+        (c, s), (x, y), (u, v) = field.turn, field.origin_um, field.corner_um
+        rows, columns = field.values.shape
+        row[:] = (
+            first, columns, rows, c / STEP_UM, s / STEP_UM,
+            -(c * x + s * y + u) / STEP_UM, -(c * y - s * x + v) / STEP_UM,
+            body.top_um, body.under_um, body.wall_reflectance,
+        )  # fmt: skip
+        first += field.values.size
+    grids = [body.distance.values.ravel() for body in bodies]
+    return np.concatenate(grids or [np.zeros(0, dtype=np.float32)]), numbers
+
+
+@compiled
+def _distance(
+    grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
+) -> float:
+    """Return the distance from a body's outline by the four points about a place."""
+    c, s, columns = bodies[k, _C], bodies[k, _S], int(bodies[k, _COLUMNS])
+    u = min(max(c * x + s * y + bodies[k, _U], 0.0), columns - _RIM)
+    v = min(max(c * y - s * x + bodies[k, _V], 0.0), bodies[k, _ROWS] - _RIM)
+    column, row = int(u), int(v)
+    u -= column
+    v -= row
+    at = int(bodies[k, _FIRST]) + row * columns + column
+    low = grids[at] * (1 - u) + grids[at + 1] * u
+    high = grids[at + columns] * (1 - u) + grids[at + columns + 1] * u
+    return float(low * (1 - v) + high * v)
+
+
+@compiled
+def _normal(
+    grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
+) -> tuple[float, float]:
+    """Return the unit vector outwards of the nearest edge at a place."""
+    h = 2 * STEP_UM
+    nx = _distance(grids, bodies, k, x + h, y) - _distance(grids, bodies, k, x - h, y)
+    ny = _distance(grids, bodies, k, x, y + h) - _distance(grids, bodies, k, x, y - h)
+    length = max(math.hypot(nx, ny), 1e-6)
+    return nx / length, ny / length
+
+
+@compiled
+def first_met(
+    grids: Float32Array,
+    bodies: FloatArray,
+    floor_um: float,
+    x_um: Float32Array,
+    y_um: Float32Array,
+    across: Float32Array,
+    up: Float32Array,
+    first: Float32Array,
+    whose: IntArray,
+) -> None:
+    """Find where rays meet their first body, and whose wall it is if that mirrors.
+
+    They go on as far as no wall can be, again and again.
+
+    Parameters
+    ----------
+    grids, bodies
+        As `packed`.
+    floor_um : float
+        Where rays end.
+    x_um, y_um : (points, 1) or (points, slopes) float32 array
+        Where rays start, at height 0.
+    across, up : (slopes,) float32 array
+        Sideways a um of height.
+    first : (points, slopes) float32 array, out
+        Heights, um; -inf where they meet none.
+    whose : (points, slopes) int array, out
+        Body; -1 where it is no mirroring wall.
+    """
+    for p in range(first.shape[0]):
+        for r in range(first.shape[1]):
+            x, y = x_um[p, r % x_um.shape[1]], y_um[p, r % x_um.shape[1]]
+            dx, dy = across[r], up[r]
+            best, who = -np.inf, -1
+            for k in range(bodies.shape[0]):
+                top = bodies[k, _TOP]
+                if top <= best:
+                    continue
+                low = max(bodies[k, _UNDER], floor_um, best)
+                met = _top_or_wall(grids, bodies, k, low, x, y, dx, dy)
+                if met > best:
+                    wall = met < top and bodies[k, _REFLECTS] > 0
+                    best, who = met, k if wall else -1
+            first[p, r] = best
+            whose[p, r] = who
+
+
+@compiled
+def _top_or_wall(
+    grids: Float32Array,
+    bodies: FloatArray,
+    k: int,
+    low_um: float,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+) -> float:
+    """Return the height at which a ray down from above meets a body, um; -inf: none."""
+    z, slope = bodies[k, _TOP], math.hypot(dx, dy)
+    d = _distance(grids, bodies, k, x + z * dx, y + z * dy)
+    if d < 0:
+        return float(z)
+    # a distance changes by the way at most
+    last = _distance(grids, bodies, k, x + low_um * dx, y + low_um * dy)
+    if d + last >= (z - low_um) * slope:
+        return -math.inf
+    while z > low_um:
+        step = min(max(d, _WALL_UM) / slope, z - low_um)
+        at = z - step
+        now = _distance(grids, bodies, k, x + at * dx, y + at * dy)
+        if now < 0:
+            return float(z - step * d / (d - now))
+        z, d = at, now
+    return -math.inf
+
+
+@compiled
+def fly(
+    grids: Float32Array,
+    bodies: FloatArray,
+    floor_um: float,
+    flight: FloatArray,
+    walls: IntArray,
+    bounces: IntArray,
+    ends: IntArray,
+) -> None:
+    """Follow rays down from wall to wall until they end.
+
+    Parameters
+    ----------
+    grids, bodies
+        As `packed`.
+    floor_um : float
+        Height of the plane below everything.
+    flight : (7, N) float64 array, in and out
+        x, y, z, um; the unit vector sideways, x and y; sideways a um of height; weight.
+    walls : (N,) int array
+        Body at whose wall a ray starts; -1: at none.
+    bounces : (N,) int array, in and out
+        On walls.
+    ends : (N,) int array, out
+        Body on whose top each ends, their number for the floor, `LOST`.
+    """
+    off = np.empty(bodies.shape[0])
+    for n in range(ends.size):
+        ray = flight[:, n].copy()
+        if walls[n] >= 0:
+            bounces[n] += _mirror(grids, bodies, walls[n], ray)
+        for k in range(off.size):
+            off[k] = _distance(grids, bodies, k, ray[0], ray[1])
+        end = LOST
+        for _ in range(_STEPS):
+            if bounces[n] > _BOUNCES or ray[6] <= _FAINT:
+                break
+            before = ray[2]
+            _go_on(bodies, floor_um, off, ray)
+            end, more = _meet(grids, bodies, before, off, ray)
+            bounces[n] += more
+            if end == LOST and ray[6] > 0 and ray[2] <= floor_um + _PASSED_UM:
+                end = off.size
+            if end != LOST:
+                break
+        ends[n] = end
+        flight[:, n] = ray
+
+
+@compiled
+def _meet(
+    grids: Float32Array,
+    bodies: FloatArray,
+    before_um: float,
+    off: FloatArray,
+    ray: FloatArray,
+) -> tuple[int, int]:
+    """Return on which top a ray ends, and how many walls mirror it, in place.
+
+    A black wall leaves no weight. `before_um` is its height a step before.
+    """
+    mirrors = 0
+    for k in range(off.size):
+        top, under = bodies[k, _TOP], bodies[k, _UNDER]
+        if before_um < under:
+            continue
+        d = off[k] = _distance(grids, bodies, k, ray[0], ray[1])
+        passed = before_um > top and ray[2] <= top + _PASSED_UM
+        if passed and d < 0:
+            return k, mirrors
+        if passed or d >= _TOUCH_UM or not under < ray[2] < top:
+            continue
+        nx, ny = _normal(grids, bodies, k, ray[0], ray[1])
+        if ray[3] * nx + ray[4] * ny >= 0 and d >= -_TOUCH_UM:
+            continue
+        if bodies[k, _REFLECTS] == 0:
+            ray[6] = 0.0
+            break
+        mirrors += _mirror(grids, bodies, k, ray)
+        off[k] = _TOUCH_UM
+    return LOST, mirrors
+
+
+@compiled
+def _go_on(
+    bodies: FloatArray, floor_um: float, off: FloatArray, ray: FloatArray
+) -> None:
+    """Move a ray as far as it meets nothing, or a little, in place."""
+    z, slope = ray[2], ray[5]
+    away = (z - floor_um) * slope
+    for k in range(off.size):
+        if z < bodies[k, _UNDER]:
+            continue
+        clear, above = off[k], (z - bodies[k, _TOP]) * slope
+        if above > 0:
+            clear = max(above, min(clear, BEYOND_UM))
+        away = min(away, max(clear, _LEAST_UM))
+    ray[0] += away * ray[3]
+    ray[1] += away * ray[4]
+    ray[2] -= away / slope
+
+
+@compiled
+def _mirror(grids: Float32Array, bodies: FloatArray, k: int, ray: FloatArray) -> int:
+    """Mirror a ray at a body's wall, in place; return 1 unless it leaves it anyway."""
+    nx, ny = _normal(grids, bodies, k, ray[0], ray[1])
+    into = min(ray[3] * nx + ray[4] * ny, 0.0)
+    back = _TOUCH_UM - _distance(grids, bodies, k, ray[0], ray[1])  # onto its outside
+    ray[0] += back * nx
+    ray[1] += back * ny
+    ray[3] -= 2 * into * nx
+    ray[4] -= 2 * into * ny
+    if into == 0:
+        return 0
+    ray[6] *= bodies[k, _REFLECTS]
+    return 1
