@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray, IntArray
-from microplan.optics.layers.solids import ray_loops
 from microplan.optics.layers.solids.straight_rays import Paths, Rays, ThickBody
 from microplan.optics.layers.solids.unfolded_bodies import unfolded
 
@@ -47,7 +46,7 @@ _LAMP = _Lamp()
 class _Flight:
     """Mirrored rays on their way down."""
 
-    rays: FloatArray  # (7, N), as `ray_loops.fly` has them
+    rays: FloatArray  # (7, N), x, y, z and so on, as `ray_loops.fly` has them, um
     walls: IntArray  # (N,) body at whose wall each starts; -1: at none
     bounces: IntArray  # (N,)
     points: IntArray  # (N,) that each belongs to
@@ -152,6 +151,8 @@ def _first_met(
 
     (points, slopes): um, -inf where they meet none; -1 where it is no mirroring wall.
     """
+    from microplan.optics.layers.solids import ray_loops  # loads a compiler: walls only
+
     shape = (rays.x_um.shape[0], rays.across.shape[1])
     first, whose = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.intp)
     ray_loops.first_met(
@@ -188,6 +189,8 @@ def _fly(
     total: FloatArray,
 ) -> None:
     """Follow rays to their ends and add what they see, in place."""
+    from microplan.optics.layers.solids import ray_loops  # as above
+
     ends = np.empty(flight.points.shape, dtype=np.intp)
     ray_loops.fly(
         *ray_loops.packed(bodies), floor_um, flight.rays, flight.walls,
