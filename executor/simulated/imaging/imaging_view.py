@@ -87,12 +87,14 @@ class ImagingView:
 class RaySampling:
     """How finely a picture is sampled; the defaults keep within .001 rms."""
 
-    rays: int = 720  # through the pupil
+    rays: int = 480  # through the pupil
     least_rays: int = 240  # where the picture is large
     lamp_rays: int = 480  # through the lamp, from each lit point
     turn_rad: float = 0.0  # of the pupil's pattern: another one, another sampling error
     fine_um: float = 0.2  # grid of the sharp plane, at most a seventh of lambda / A
     spacing: float = 0.2  # of a lattice, by the blur of what lies above or below
     least_spacing_um: float = 2.0  # of a lattice
-    plane_spacing_um: float = 2.0  # of the sharp plane's lattice, at most
+    plane_spacing_um: float = 2.0  # of the sharp plane's lattice
+    edge_um: float = 1.0  # between points of the plane where light bends, at least
+    tolerance: float = 0.01  # of full scale: what bends by less is straight
     most_spacing_um: float = 8.0  # of other lattices

@@ -24,7 +24,7 @@ from microplan.executor.simulated.imaging.imaging_view import (
     PixelWindow,
     RaySampling,
 )
-from microplan.executor.simulated.imaging.rays.face_light import FaceLight
+from microplan.executor.simulated.imaging.rays.face_light import FAR_UM, FaceLight
 from microplan.executor.simulated.imaging.rays.lattice import lattice_over
 from microplan.executor.simulated.imaging.rays.marching import Solids
 from microplan.executor.simulated.imaging.rays.pupil_rays import (
@@ -43,7 +43,6 @@ from microplan.executor.simulated.imaging.solids.solid_scene import (
 )
 
 MERGE_UM = 1.0  # faces so near to the sharp plane are taken to be in it
-FAR_UM = 60.0  # a plane farther out of focus is left to rays alone
 SHARP_UM = 0.3  # nearer to focus, rays through the focal plane say nothing new
 SKIRT_UM = 12.0  # beyond that: what lies outside sends less than .003 into it
 NEAR_UM = 4.0  # round a region light is computed, in the skirt it is held on
@@ -51,8 +50,9 @@ GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used 
 TILE_PX = 220  # larger windows are taken in pieces
 FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
 BLURS_UM = (0.5, 10.0, 20.0)  # a plane has room for: a sweep of focus asks for few
-KEPT = 3  # scenes
+KEPT = 8  # pieces of scenes: a whole frame is up to six
 MOST_RAYS = 4_000_000  # through a plane's points
+POINT_SHARE = 1.5  # cells of a plane's lattice to a point of it that is computed
 
 
 def photograph(
@@ -205,14 +205,12 @@ class PhotographedScene:
         )
         key = (at_um, (box[0], box[1], box[2], box[3]))
         if key not in self._planes:
-            spacing = self._spacing(self._snapped(at_um), at_um, (at_um,))
-            spacing = min(spacing, self._sampling.plane_spacing_um)
             x0, y0, x1, y1 = key[1]
-            points = round((x1 - x0) * (y1 - y0) / spacing**2)
+            spacing = self._sampling.plane_spacing_um
+            points = round((x1 - x0) * (y1 - y0) / (POINT_SHARE * spacing**2))
             self._planes[key] = sharp_plane(
-                self._picture(at_um, points), at_um, key[1],
-                SKIRT_UM, self._sampling.fine_um, spacing,
-            )  # fmt: skip
+                self._picture(at_um, points), at_um, key[1], SKIRT_UM, self._sampling
+            )
         return self._planes[key]
 
     def _spacing(
@@ -254,7 +252,7 @@ class PhotographedScene:
             self._solids[sharp_um] = solids
             self._lights[sharp_um] = FaceLight(
                 solids, self._stage_reflectance, self._view, self._sampling,
-                (-reach, -reach, reach, reach),
+                (-reach, -reach, reach, reach), sharp_um,
             )  # fmt: skip
         return self._solids[sharp_um]
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, Box, FloatArray
-from microplan.executor.simulated.imaging.rays.lattice import (
-    PointLattice,
-    filled,
-    lattice_over,
+from microplan.arrays import Box, FloatArray
+from microplan.executor.simulated.imaging.imaging_view import RaySampling
+from microplan.executor.simulated.imaging.plane_light import (
+    RegionLight,
+    plane_lattice,
+    region_light,
 )
+from microplan.executor.simulated.imaging.rays.lattice import PointLattice
 from microplan.executor.simulated.imaging.rays.marching import Reals32
 from microplan.executor.simulated.imaging.rays.ray_picture import RayPicture
 from microplan.executor.simulated.imaging.rays.regions import (
@@ -21,8 +24,7 @@ from microplan.executor.simulated.imaging.rays.regions import (
     regions_of,
 )
 
-REACH = 2.5  # spacings round a border within which light is computed at each point
-SPARSE = 3  # elsewhere at each so many-th, between them it is straight
+EXACT_UM = 1.0  # from a border: above a quick look-up's error and a step of the grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +41,51 @@ class SharpPlane:
     step_um: float
     radiance: FloatArray  # (rows, columns), mean over directions
     uncut: FloatArray  # the same without bodies that the plane cuts
-    cut_step: FloatArray  # (rows, columns), in bodies: what they add to `uncut`
-    edge_um: Reals32  # (rows, columns), distance to the nearest border of a region
-    region: npt.NDArray[np.uint8]  # (rows, columns), number of the region
-    lattice: PointLattice
-    # (regions, rows, columns, directions), on the lattice, less the mean of directions
-    light: Reals32
+    regions: tuple[PlaneRegion, ...]  # front to back
+    lights: tuple[RegionLight, ...]  # of each
     slopes: FloatArray  # (directions, 2), um per um
+
+    @property
+    def lattice(self) -> PointLattice:
+        """Return the lattice on which light is known by direction."""
+        return self.lights[0].lattice
+
+    @cached_property
+    def cut_step(self) -> FloatArray:
+        """Return what bodies that the plane cuts add to `uncut` in them, (Y, X)."""
+        if self.regions[0].face != CUT:
+            return np.zeros_like(self.uncut)
+        inside = self._away[0] < 0
+        shade = self.lights[0].mean(self.x_um, self.y_um)
+        step: FloatArray = np.where(inside, shade - self.uncut, 0.0)
+        return step
+
+    @cached_property
+    def edge_um(self) -> Reals32:
+        """Return distances to the nearest border of a region, (rows, columns)."""
+        least: Reals32 = np.min(np.abs(self._away), axis=0)
+        return least
+
+    @cached_property
+    def region(self) -> npt.NDArray[np.uint8]:
+        """Return the number of the region at points, (rows, columns), without unit."""
+        return np.argmax(self._away < 0, axis=0).astype(np.uint8)
+
+    @cached_property
+    def light(self) -> Reals32:
+        """Return light by direction less its mean over them, on the lattice.
+
+        (regions, rows, columns, directions), shares of full scale.
+        """
+        found: Reals32 = np.array([each.dense() for each in self.lights])
+        found -= found.mean(axis=3, keepdims=True, dtype=float).astype(np.float32)
+        return found
+
+    @cached_property
+    def _away(self) -> Reals32:
+        """Return signed distances to each region's own bodies, (regions, Y, X) um."""
+        x, y = np.meshgrid(self.x_um.astype(np.float32), self.y_um.astype(np.float32))
+        return np.array([_within(region, x, y) for region in self.regions])
 
     def cell(self, x: Reals32, y: Reals32) -> npt.NDArray[np.int32]:
         """Return the fine grid's nearest point to (...) um points, as a flat index."""
@@ -87,8 +127,7 @@ def sharp_plane(
     at_um: float,
     box: Box,
     skirt_um: float,
-    step_um: float,
-    spacing_um: float,
+    sampling: RaySampling,
 ) -> SharpPlane:
     """Return the light through a plane towards the camera.
 
@@ -102,41 +141,46 @@ def sharp_plane(
         What is wanted of it, from the image's middle, um.
     skirt_um : float
         Round the box: borders of regions are drawn there, light is continued.
-    step_um, spacing_um : float
-        Of the fine grid and of the lattice.
+    sampling : RaySampling
+        Steps of the fine grid and of the lattice.
     """
+    step_um, edge_um = sampling.fine_um, sampling.edge_um
     x, y = (
         _fine(low - skirt_um, high + skirt_um, step_um)
         for low, high in (box[::2], box[1::2])
     )
-    lattice = lattice_over(box, spacing_um)
+    lattice = plane_lattice(box, sampling.plane_spacing_um)
     solids = picture.solids
     regions = regions_of(solids.bodies, at_um, stage=solids.stage_um == at_um)
-    shape = (len(regions), len(lattice.y_um), len(lattice.x_um), len(picture.slopes))
-    light = np.empty(shape, dtype=np.float32)
-    means = []
-    for k, region in enumerate(regions):
-        light[k] = _light(picture, region, at_um, lattice)
-        means.append(light[k].mean(axis=2, dtype=float))
-        light[k] -= means[k][:, :, None].astype(np.float32)
-    shades = [lattice.smooth(mean, x, y) for mean in means]
+    lights = [
+        region_light(
+            region,
+            lattice,
+            partial(picture.in_plane, at_um=at_um, face=region.face, edge_um=edge_um),
+            len(picture.slopes),
+            tolerance=sampling.tolerance,
+            edge_um=edge_um,
+        )
+        for region in regions
+    ]
+    shades = [light.mean(x, y) for light in lights]
     gx, gy = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
-    away = [_within(region, gx, gy) for region in regions]
-    shares = [np.clip(0.5 - a / step_um, 0.0, 1.0) for a in away]
-    first = 1 if regions[0].face == CUT else 0
-    uncut = _blended(shares[first:], shades[first:])
+    shares = [
+        np.clip(np.float32(0.5) - _within(region, gx, gy) / np.float32(step_um), 0, 1)
+        for region in regions
+    ]
+    radiance = uncut = _blended(shares, shades)
+    if regions[0].face == CUT:
+        uncut = _blended(shares[1:], shades[1:])
     return SharpPlane(
         at_um=at_um,
         x_um=x,
         y_um=y,
         step_um=step_um,
-        radiance=_blended(shares, shades),
+        radiance=radiance,
         uncut=uncut,
-        cut_step=np.where((away[0] < 0) & (first == 1), shades[0] - uncut, 0.0),
-        edge_um=np.min([np.abs(a) for a in away], axis=0),
-        region=np.argmax(np.array(away) < 0, axis=0).astype(np.uint8),
-        lattice=lattice,
-        light=light,
+        regions=tuple(regions),
+        lights=tuple(lights),
         slopes=picture.slopes,
     )
 
@@ -145,12 +189,16 @@ def _within(region: PlaneRegion, x: Reals32, y: Reals32) -> Reals32:
     """Return signed distances to a region's own bodies; the last is all the rest."""
     if not region.within:
         return np.full(x.shape, -np.inf, dtype=np.float32)
-    away = [body.distance(x, y, exact=True) for body in region.within]
-    nearest: Reals32 = np.min(away, axis=0).astype(np.float32)
+    away = [body.distance(x, y).astype(np.float32) for body in region.within]
+    nearest: Reals32 = np.min(away, axis=0)
+    near = np.abs(nearest) < EXACT_UM
+    px, py = x[near], y[near]
+    exact = [body.distance(px, py, exact=True) for body in region.within]
+    nearest[near] = np.min(exact, axis=0)
     return nearest
 
 
-def _blended(shares: list[FloatArray], shades: list[FloatArray]) -> FloatArray:
+def _blended(shares: list[Reals32], shades: list[FloatArray]) -> FloatArray:
     """Return front over back: what one region leaves of a spot is the next one's."""
     left = np.ones_like(shades[0])
     total = np.zeros_like(left)
@@ -158,49 +206,6 @@ def _blended(shares: list[FloatArray], shades: list[FloatArray]) -> FloatArray:
         total += left * share * shade
         left = left * (1 - share)
     return total
-
-
-def _light(
-    picture: RayPicture, region: PlaneRegion, at_um: float, lattice: PointLattice
-) -> Reals32:
-    """Return the light in a region on the lattice, (rows, columns, directions).
-
-    Far from the region's borders every third point is enough: what bends light there is
-    a body's height away.
-    """
-    shape = (len(lattice.y_um), len(lattice.x_um), len(picture.slopes))
-    px, py = lattice.points()
-    away = region.distance(px, py)
-    row, column = np.divmod(np.arange(len(px)), shape[1])
-    sparse = (row % SPARSE == 0) & (column % SPARSE == 0)
-    border = np.abs(away) < REACH * lattice.spacing_um
-    reach = away < REACH * SPARSE * lattice.spacing_um
-    near = np.flatnonzero(border | (sparse & reach))
-    qx, qy, good = region.drawn_in(px[near], py[near])
-    near, qx, qy = near[good], qx[good], qy[good]
-    light = np.zeros((len(px), shape[2]), dtype=np.float32)
-    known = np.zeros(len(px), dtype=bool)
-    if len(near):
-        light[near] = picture.in_plane(qx, qy, at_um, region.face)
-        known[near] = True
-    return _spread_out(light.reshape(shape), known.reshape(shape[:2]))
-
-
-def _spread_out(light: Reals32, known: BoolArray) -> Reals32:
-    """Return light at all points of a lattice, known at some; others lie between."""
-    coarse = filled(light[::SPARSE, ::SPARSE], known[::SPARSE, ::SPARSE])
-    row, column = np.nonzero(~known)
-    v, u = row / SPARSE, column / SPARSE
-    low = np.minimum(v.astype(int), max(coarse.shape[0] - 2, 0))
-    left = np.minimum(u.astype(int), max(coarse.shape[1] - 2, 0))
-    v, u = (np.minimum(w, 1.0)[:, None].astype(np.float32) for w in (v - low, u - left))
-    up = np.minimum(low + 1, coarse.shape[0] - 1)
-    right = np.minimum(left + 1, coarse.shape[1] - 1)
-    first = (1 - u) * coarse[low, left] + u * coarse[low, right]
-    after = (1 - u) * coarse[up, left] + u * coarse[up, right]
-    whole = light.copy()
-    whole[row, column] = (1 - v) * first + v * after
-    return whole
 
 
 def _fine(low: float, high: float, step_um: float) -> FloatArray:

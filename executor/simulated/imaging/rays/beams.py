@@ -30,6 +30,7 @@ STEP_SHARE = 0.8  # of the free way; a beam's side comes nearer than its middle
 LEAST_UM = 0.3  # step, at least
 WIDTH_SHARE = 0.3  # of the beam's width, a step at least
 MOST_STEPS = 120
+AT_ONCE = 1 << 14  # beams that are followed together
 KEPT_SHARE = 0.7  # rays that have arrived are put aside when they are many
 
 
@@ -178,7 +179,7 @@ def _slab(
     `end` is a beam's width at the slab's end. Mirrored rays come at the end, too.
     """
     end = max(end, THIN_UM)
-    made: list[RayFan] = []
+    made: list[tuple[RayFan, Reals32]] = []
     ratios, first = {}, np.full(len(beams.width), np.inf, dtype=np.float32)
     by = np.full(len(beams.width), -1, dtype=np.int8)
     for i, wall in walls:
@@ -188,9 +189,8 @@ def _slab(
         first[sooner], by[sooner] = entered[sooner], i
     for i, wall in walls:
         if wall.body.wall_reflectance > 0:
-            made += list(
-                _mirror(beams, height_um, walls, i, np.flatnonzero(by == i), first)
-            )
+            which = np.flatnonzero(by == i)
+            made += _mirror(beams, height_um, (i, wall), which, first)
     for i, ratio in ratios.items():
         _hide(beams, i, ratio)
     moved = Beams(
@@ -198,7 +198,11 @@ def _slab(
         np.full_like(beams.width, end),
         beams.hidden,
     )
-    bent = joined(made) if made else beams.rays.pick(slice(0))
+    bent = beams.rays.pick(slice(0))
+    if made:
+        rays, left = joined([each for each, _ in made]), [each for _, each in made]
+        bodies = [body for _, body in walls]
+        bent = march(rays, np.concatenate(left), height_um, bodies)
     return _alive(moved), bent
 
 
@@ -209,63 +213,108 @@ def _least_ratio(
 
     A ray that begins inside enters nowhere: infinity.
     """
-    rays, count = beams.rays, len(beams.width)
+    count = len(beams.width)
+    least = np.empty(count, dtype=np.float32)
     entered = np.full(count, np.inf, dtype=np.float32)
-    if not count:
-        return entered.copy(), entered
-    wide, high = beams.width[0], np.float32(height_um)
-    grow, most = np.float32(end - wide) / high, np.float32(max(float(wide), end) / 2)
-    speed = np.maximum(np.hypot(rays.slope_x, rays.slope_y), np.float32(1e-6))
-    away = wall.distance(rays.x, rays.y)
-    least: Reals32 = (away / wide).astype(np.float32)
-    near = np.flatnonzero((away < speed * high + most) & (least > -0.5))
-    # one row each, so that rays that have arrived are put aside at once
-    way = np.array(
-        [rays.x, rays.y, rays.slope_x, rays.slope_y, speed, away, least, away >= 0],
-        dtype=np.float32,
-    ).take(near, axis=1)
-    way = np.vstack([way, np.zeros(len(near), dtype=np.float32)])
-    for _ in range(MOST_STEPS):
-        if not len(near):
-            break
-        x, y, slope_x, slope_y, speed, away, low, outside, done = way
-        shortest = np.maximum(LEAST_UM, WIDTH_SHARE * (wide + grow * done))
-        step = np.maximum(np.float32(STEP_SHARE) * np.abs(away), shortest)
-        step = np.minimum(step / speed, high - done)
-        x += step * slope_x
-        y += step * slope_y
-        done += step
-        away[:] = wall.distance(x, y)
-        np.minimum(low, away / (wide + grow * done), out=low)
-        new = np.flatnonzero((outside > 0) & (away < 0))
-        entered[near[new]] = np.minimum(entered[near[new]], done[new])
-        left = high - done
-        going = (left > 1e-4) & (low > -0.5) & (away < speed * left + most)
-        if np.count_nonzero(going) < KEPT_SHARE * len(going):
-            least[near[~going]] = low[~going]
-            keep = np.flatnonzero(going)
-            near, way = near.take(keep), way.take(keep, axis=1)
-    least[near] = way[6]
+    if count:
+        wide = float(beams.width[0])
+        search = _Search(wall, height_um, wide, (end - wide) / height_um)
+        for first in range(0, count, AT_ONCE):
+            search.begin(beams.rays, slice(first, first + AT_ONCE), least)
+            search.go_on(least, entered, AT_ONCE)
+        search.go_on(least, entered, 0)
     return least, entered
+
+
+class _Search:
+    """Beams that look for the least distance to a wall, as many as a cache holds."""
+
+    def __init__(
+        self, wall: MappedBody, height_um: float, wide: float, grow: float
+    ) -> None:
+        self._wall, self._high = wall, np.float32(height_um)
+        self._wide, self._grow = np.float32(wide), np.float32(grow)
+        self._most = np.float32(max(wide, wide + grow * height_um) / 2)
+        # one row each, so that beams that have arrived are put aside at once
+        self._way = np.empty((9, 0), dtype=np.float32)
+        self._which = np.empty(0, dtype=np.intp)
+
+    def begin(self, rays: RayFan, part: slice, least: Reals32) -> None:
+        """Take up those of some rays that come near the wall; note all distances."""
+        slope_x, slope_y = rays.slope_x[part], rays.slope_y[part]
+        i, j = self._wall.cells(rays.x[part], rays.y[part])
+        away = self._wall.distances.quick_at(i, j)
+        speed = np.sqrt(slope_x * slope_x + slope_y * slope_y)
+        np.maximum(speed, np.float32(1e-6), out=speed)
+        low = away / self._wide
+        least[part] = low
+        near = np.flatnonzero((away < speed * self._high + self._most) & (low > -0.5))
+        if not len(near):
+            return
+        along_i, along_j = self._wall.cell_slopes(slope_x.take(near), slope_y.take(near))
+        away = away.take(near)
+        way = np.empty((9, len(near)), dtype=np.float32)
+        way[0], way[1] = i.take(near), j.take(near)
+        way[2], way[3] = along_i, along_j
+        way[4], way[5], way[6] = speed.take(near), away, low.take(near)
+        way[7], way[8] = away >= 0, 0.0
+        self._way = np.concatenate([self._way, way], axis=1)
+        self._which = np.concatenate([self._which, near + part.start])
+
+    def go_on(self, least: Reals32, entered: Reals32, until: int) -> None:
+        """Step on until no more than so many beams are on their way."""
+        high, wide, grow = self._high, self._wide, self._grow
+        slowest = high / np.float32(MOST_STEPS)
+        while len(self._which) > until:
+            i, j, along_i, along_j, speed, away, low, outside, done = self._way
+            step = grow * done
+            step += wide
+            step *= np.float32(WIDTH_SHARE)
+            np.maximum(step, np.float32(LEAST_UM), out=step)
+            np.maximum(step, np.float32(STEP_SHARE) * np.abs(away), out=step)
+            step /= speed
+            np.maximum(step, slowest, out=step)
+            done += step
+            np.minimum(done, high, out=done)
+            away[:] = self._wall.distances.quick_at(
+                i + done * along_i, j + done * along_j
+            )
+            width = grow * done
+            width += wide
+            np.minimum(low, away / width, out=low)
+            new = np.flatnonzero(away < outside * np.float32(1e-30))
+            new = new[outside.take(new) > 0]
+            if len(new):
+                entered[self._which.take(new)] = done.take(new)
+                outside[new] = 0
+            left = high - done
+            going = left * speed
+            going += self._most
+            on = (away < going) & (left > 1e-4) & (low > -0.5)
+            if np.count_nonzero(on) < KEPT_SHARE * len(on):
+                off = np.flatnonzero(~on)
+                least[self._which.take(off)] = low.take(off)
+                keep = np.flatnonzero(on)
+                self._way = self._way.take(keep, axis=1)
+                self._which = self._which.take(keep)
 
 
 def _mirror(
     beams: Beams,
     height_um: float,
-    walls: Sequence[tuple[int, MappedBody]],
-    index: int,
+    numbered: tuple[int, MappedBody],
     which: npt.NDArray[np.intp],
     first: Reals32,
-) -> Iterator[RayFan]:
-    """Yield rays that a wall mirrors, at the slab's end."""
+) -> Iterator[tuple[RayFan, Reals32]]:
+    """Yield rays that a wall mirrors, and what they have left of a slab, um."""
     if not len(which):
         return
-    wall, rays = dict(walls)[index], beams.rays.pick(which)
+    (index, wall), rays = numbered, beams.rays.pick(which)
     done = first.take(which)
     x, y = rays.x + done * rays.slope_x, rays.y + done * rays.slope_y
-    nx, ny = wall.normal(x, y)
+    deep, nx, ny = wall.surface(x, y)
+    deep = np.minimum(deep, 0)
     inward = rays.slope_x * nx + rays.slope_y * ny
-    deep = np.minimum(wall.distance(x, y, exact=True), 0)
     hidden = beams.hidden.get(index)
     before = 0 if hidden is None else hidden.take(which)
     weight = rays.weight / np.maximum(1 - before, np.float32(0.5))
@@ -277,9 +326,7 @@ def _mirror(
         (rays.slope_y - 2 * inward * ny).astype(np.float32),
         weight.astype(np.float32),
         rays.owner,
-        np.ones(len(which), dtype=bool),
     )
     good = np.flatnonzero((inward < 0) & (weight > FAINT))
     left = (np.float32(height_um) - done).take(good)
-    bodies = [body for _, body in walls]
-    yield march(bent.pick(good), left, height_um, bodies)
+    yield bent.pick(good), left

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from microplan.arrays import BoolArray, Box, FloatArray, IntArray
 
 Reals = npt.NDArray[np.floating]
+Reals32 = npt.NDArray[np.float32]
 _Reals = TypeVar("_Reals", npt.NDArray[np.float64], npt.NDArray[np.float32])
 
 FILLED = 4  # rounds of unknown points next to known ones
@@ -35,6 +36,14 @@ class PointLattice:
         across = _cubic((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
         down = _cubic((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
         grid: FloatArray = down @ values @ across.T
+        return grid
+
+    def straight(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return (rows, columns) values on a grid of um, (Y, X), straight between."""
+        row, down = _linear((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
+        column, across = _linear((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
+        part = values[row] * (1 - down[:, None]) + values[row + 1] * down[:, None]
+        grid: FloatArray = part[:, column] * (1 - across) + part[:, column + 1] * across
         return grid
 
     def smooth_at(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -86,13 +95,37 @@ class PointLattice:
         mixed: FloatArray = (1 - v) * first + v * after
         return mixed
 
+    def quick_at(self, values: Reals32, x: Reals32, y: Reals32) -> Reals32:
+        """Return what `at` does, from (rows, columns) float32 values, at (N,) um."""
+        step, columns = np.float32(1 / self.spacing_um), np.int32(values.shape[1])
+        u = (x - np.float32(self.x_um[0])) * step
+        v = (y - np.float32(self.y_um[0])) * step
+        np.clip(u, 0, values.shape[1] - 1.001, out=u)
+        np.clip(v, 0, values.shape[0] - 1.001, out=v)
+        left, low = u.astype(np.int32), v.astype(np.int32)
+        u -= left.astype(np.float32)
+        v -= low.astype(np.float32)
+        flat, index = values.ravel(), low * columns + left
+        first = flat.take(index)
+        first += u * (flat.take(index + np.int32(1)) - first)
+        index += columns
+        after = flat.take(index)
+        after += u * (flat.take(index + np.int32(1)) - after)
+        mixed: Reals32 = first + v * (after - first)
+        return mixed
+
     def used(self, x: Reals, y: Reals) -> BoolArray:
         """Return which points `at` reads at (N,) um places, (rows, columns) bool."""
-        column, row, _, _ = self.corners(x, y)
-        used = np.zeros((len(self.y_um), len(self.x_um)), dtype=bool)
-        for down in (0, 1):
-            for across in (0, 1):
-                used[row + down, column + across] = True
+        step, columns = np.float32(1 / self.spacing_um), np.int32(len(self.x_um))
+        u = (np.asarray(x, np.float32) - np.float32(self.x_um[0])) * step
+        v = (np.asarray(y, np.float32) - np.float32(self.y_um[0])) * step
+        np.clip(u, 0, len(self.x_um) - 1.001, out=u)
+        np.clip(v, 0, len(self.y_um) - 1.001, out=v)
+        cells = np.zeros(len(self.y_um) * len(self.x_um), dtype=bool)
+        cells[v.astype(np.int32) * columns + u.astype(np.int32)] = True
+        used = cells.reshape(len(self.y_um), len(self.x_um))
+        used[1:] |= used[:-1].copy()
+        used[:, 1:] |= used[:, :-1].copy()
         return used
 
 
@@ -145,6 +178,13 @@ def filled(values: _Reals, known: BoolArray) -> _Reals:
         known[row, column] = True
     values[~known] = mean
     return values
+
+
+def _linear(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """Return the point before each place, of `count`, and the share of the next."""
+    at = np.clip(at, 0, count - 1 - 1e-6)
+    first = np.floor(at).astype(np.intp)
+    return first, at - first
 
 
 def _cubic(at: FloatArray, count: int) -> FloatArray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +12,9 @@ from microplan.arrays import BoolArray, IntArray
 from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 STAGE = -1  # as the index of a body: what lies under all of them
-LEAST_STEP_UM = 0.25  # along a wall; of the order of a map's pitch
-PATH_SHARE = 0.02  # a step is at least so much of a path: corners are cut so far
-MOST_STEPS = 160
-MOST_BOUNCES = 40
+LEAST_STEP_UM = 0.5  # along a wall; what is deeper in is mirrored out as deep
+PATH_SHARE = 0.04  # a step is at least so much of a path: corners are cut so far
+AT_ONCE = 1 << 15  # rays that are followed together
 FAINT = 1e-3  # a ray that carries less is dropped
 
 Reals32 = npt.NDArray[np.float32]
@@ -34,7 +33,6 @@ class RayFan:
     slope_y: Reals32
     weight: Reals32  # what mirrors left of the light
     owner: npt.NDArray[np.int32]  # the ray of the camera that it comes from
-    bounced: BoolArray  # whether a wall mirrored it
 
     def __len__(self) -> int:
         return len(self.x)
@@ -43,7 +41,7 @@ class RayFan:
         """Return some of the rays, by (M,) numbers or (N,) bool."""
         return RayFan(
             self.x[which], self.y[which], self.slope_x[which], self.slope_y[which],
-            self.weight[which], self.owner[which], self.bounced[which],
+            self.weight[which], self.owner[which],
         )  # fmt: skip
 
     def moved(self, height_um: float) -> RayFan:
@@ -51,7 +49,7 @@ class RayFan:
         step = np.float32(height_um)
         return RayFan(
             self.x + step * self.slope_x, self.y + step * self.slope_y,
-            self.slope_x, self.slope_y, self.weight, self.owner, self.bounced,
+            self.slope_x, self.slope_y, self.weight, self.owner,
         )  # fmt: skip
 
 
@@ -65,7 +63,7 @@ class FaceHits:
 
 def joined(fans: Sequence[RayFan]) -> RayFan:
     """Return all rays of several fans."""
-    names = ("x", "y", "slope_x", "slope_y", "weight", "owner", "bounced")
+    names = ("x", "y", "slope_x", "slope_y", "weight", "owner")
     return RayFan(*(np.concatenate([getattr(f, n) for f in fans]) for n in names))
 
 
@@ -115,9 +113,23 @@ class Solids:
                 rays = rays.pick(~on)
         return rays, hits
 
-    def end(self, rays: RayFan, from_um: float) -> list[FaceHits]:
+    def meet_softly(
+        self, rays: RayFan, at_um: float, edge_um: float
+    ) -> tuple[RayFan, list[FaceHits]]:
+        """Do as `meet_faces` does, with faces' edges drawn as ramps so wide."""
+        hits: list[FaceHits] = []
+        for i, body in enumerate(self.bodies):
+            if body.top_um == at_um and len(rays):
+                away = body.distance(rays.x, rays.y, exact=True).astype(np.float32)
+                share = np.clip(np.float32(0.5) - away / np.float32(edge_um), 0, 1)
+                on, off = share > 0, share < 1
+                hits.append(FaceHits(i, replace(rays, weight=rays.weight * share).pick(on)))
+                rays = replace(rays, weight=rays.weight * (1 - share)).pick(off)
+        return rays, hits
+
+    def end(self, rays: RayFan, from_um: float, edge_um: float) -> list[FaceHits]:
         """Return where rays end that go down from a height; faces there are met."""
-        rays, hits = self.meet_faces(rays, from_um)
+        rays, hits = self.meet_softly(rays, from_um, edge_um)
         if from_um > self.stage_um:
             rays, found = self.descend(rays, from_um, self.stage_um)
             rays, last = self.meet_faces(rays, self.stage_um)
@@ -168,102 +180,112 @@ def march(
 
     Those that end on a wall are left out.
     """
-    done = []
-    for now, now_left in _chunks(rays, left):
-        done += list(_march_chunk(now, now_left, height_um, walls))
-    return joined(done) if done else rays.pick(slice(0))
+    way = _Way(walls, height_um)
+    for first in range(0, len(rays), AT_ONCE):
+        way.begin(rays, left, slice(first, first + AT_ONCE))
+        way.go_on(AT_ONCE)
+    way.go_on(0)
+    if not way.arrived:
+        return rays.pick(slice(0))
+    x, y, slope_x, slope_y, weight = np.concatenate(way.arrived, axis=1)
+    owner = rays.owner.take(np.concatenate(way.numbers))
+    return RayFan(x, y, slope_x, slope_y, weight, owner)
 
 
-def _chunks(rays: RayFan, left: Reals32) -> Iterator[tuple[RayFan, Reals32]]:
-    """Yield rays in numbers that stay in the processor's cache."""
-    most = 1 << 16
-    for first in range(0, len(rays), most):
-        which = np.arange(first, min(first + most, len(rays)))
-        yield rays.pick(which), left[which]
+class _Way:
+    """Rays on their way past walls, as many together as a cache holds."""
 
+    def __init__(self, walls: Sequence[MappedBody], height_um: float) -> None:
+        self._walls, self._height_um = walls, height_um
+        self._mirrors = any(wall.body.wall_reflectance > 0 for wall in walls)
+        # x, y, slopes, weight, what is left of the height, speed, least step
+        self._rows = np.empty((8, 0), dtype=np.float32)
+        self._which = np.empty(0, dtype=np.intp)
+        self.arrived: list[Reals32] = []  # the first five rows
+        self.numbers: list[npt.NDArray[np.intp]] = []
 
-def _march_chunk(
-    rays: RayFan, left: Reals32, height_um: float, walls: Sequence[MappedBody]
-) -> Iterator[RayFan]:
-    """Yield rays that came through, step by step as far as no wall can be."""
-    mirrors = any(wall.body.wall_reflectance > 0 for wall in walls)
-    speed = np.maximum(np.hypot(rays.slope_x, rays.slope_y), np.float32(1e-6))
-    least = np.maximum(np.float32(LEAST_STEP_UM), PATH_SHARE * height_um * speed)
-    for _ in range(MOST_STEPS):
-        free, nearest = _distances(rays, walls)
-        through = free >= speed * left
-        if through.any():
-            part = rays.pick(through)
-            ahead = left[through]
-            yield _stepped(part, ahead)
-        going = ~through
-        if mirrors:
-            rays, lost = _mirrored(rays, free, nearest, walls)
-            going &= ~lost
-            ended = going & (left <= 0)
-            yield rays.pick(ended)
-            going &= ~ended
-        else:
-            going &= free >= 0
-        step = np.minimum(np.maximum(free, least) / speed, left)
-        rays = _stepped(rays.pick(going), step[going])
-        left = left[going] - step[going]
-        speed, least = speed[going], least[going]
-        if not len(rays):
-            return
-    if mirrors:  # between two near walls: light that is mirrored is not lost
-        yield _stepped(rays, left)
+    def begin(self, rays: RayFan, left: Reals32, part: slice) -> None:
+        """Take up some rays."""
+        x, slope_x, slope_y = rays.x[part], rays.slope_x[part], rays.slope_y[part]
+        speed = np.maximum(np.hypot(slope_x, slope_y), np.float32(1e-6))
+        least = np.maximum(
+            np.float32(LEAST_STEP_UM), np.float32(PATH_SHARE * self._height_um) * speed
+        )
+        rows = np.array(
+            [
+                x, rays.y[part], slope_x, slope_y, rays.weight[part], left[part],
+                speed, least,
+            ],
+            dtype=np.float32,
+        )  # fmt: skip
+        self._rows = np.concatenate([self._rows, rows], axis=1)
+        self._which = np.concatenate([self._which, part.start + np.arange(len(x))])
+
+    def go_on(self, until: int) -> None:
+        """Step as far as no wall can be, until no more than so many are on the way."""
+        while len(self._which) > until:
+            x, y, slope_x, slope_y, weight, left, speed, least = self._rows
+            free, nearest = _distances(x, y, self._walls)
+            ended = free >= speed * left
+            lost = free < 0
+            if self._mirrors and lost.any():
+                self._mirror(np.flatnonzero(lost), nearest)
+                lost = weight < FAINT
+                ended |= left <= 0
+            ended |= lost
+            if ended.any():
+                self._put_aside(ended, lost)
+                free = free[~ended]
+                x, y, slope_x, slope_y, weight, left, speed, least = self._rows
+            step = np.maximum(free, least)
+            step /= speed
+            np.minimum(step, left, out=step)
+            x += step * slope_x
+            y += step * slope_y
+            left -= step
+
+    def _put_aside(self, ended: BoolArray, lost: BoolArray) -> None:
+        """Note rays that came through, and forget them and those that are lost."""
+        out = np.flatnonzero(ended & ~lost)
+        if len(out):
+            rows = self._rows.take(out, axis=1)
+            rows[0] += rows[5] * rows[2]
+            rows[1] += rows[5] * rows[3]
+            self.arrived.append(rows[:5])
+            self.numbers.append(self._which.take(out))
+        keep = np.flatnonzero(~ended)
+        self._rows = self._rows.take(keep, axis=1)
+        self._which = self._which.take(keep)
+
+    def _mirror(self, entered: IntArray, nearest: npt.NDArray[np.int8]) -> None:
+        """Mirror what entered a wall."""
+        rows = self._rows
+        of = nearest.take(entered)
+        for i, wall in enumerate(self._walls):
+            at = entered if len(self._walls) == 1 else entered[of == i]
+            x, y, slope_x, slope_y, weight = rows[:5].take(at, axis=1)
+            deep, nx, ny = wall.surface(x, y)
+            inward = slope_x * nx + slope_y * ny
+            hit = (inward < 0).astype(np.float32)  # the others are on their way out
+            twice = 2 * hit * inward
+            # out of the wall, as deep as it is in: the mirrored path to that depth
+            deep = 2 * hit * np.minimum(deep, 0)
+            share = np.float32(wall.body.wall_reflectance)
+            rows[0, at] = x - deep * nx
+            rows[1, at] = y - deep * ny
+            rows[2, at] = slope_x - twice * nx
+            rows[3, at] = slope_y - twice * ny
+            rows[4, at] = weight * (1 - hit * (1 - share))
 
 
 def _distances(
-    rays: RayFan, walls: Sequence[MappedBody]
+    x: Reals32, y: Reals32, walls: Sequence[MappedBody]
 ) -> tuple[Reals32, npt.NDArray[np.int8]]:
-    """Return distances to the nearest wall, and whose it is."""
-    free = walls[0].distance(rays.x, rays.y)
-    nearest = np.zeros(len(rays), dtype=np.int8)
+    """Return distances to the nearest wall at (N,) um points, and whose it is."""
+    free = walls[0].distance(x, y).astype(np.float32, copy=False)
+    nearest = np.zeros(len(x), dtype=np.int8)
     for i, wall in enumerate(walls[1:], start=1):
-        other = wall.distance(rays.x, rays.y)
-        nearer = other < free
-        free = np.where(nearer, other, free)
-        nearest[nearer] = i
-    return free.astype(np.float32, copy=False), nearest
-
-
-def _stepped(rays: RayFan, height: Reals32) -> RayFan:
-    """Return rays farther on their ways, each by a height of its own."""
-    return RayFan(
-        rays.x + height * rays.slope_x, rays.y + height * rays.slope_y,
-        rays.slope_x, rays.slope_y, rays.weight, rays.owner, rays.bounced,
-    )  # fmt: skip
-
-
-def _mirrored(
-    rays: RayFan,
-    free: Reals32,
-    nearest: npt.NDArray[np.int8],
-    walls: Sequence[MappedBody],
-) -> tuple[RayFan, BoolArray]:
-    """Mirror what entered a wall; return all rays, and which of them are lost."""
-    lost = np.zeros(len(rays), dtype=bool)
-    if not (free < 0).any():
-        return rays, lost
-    slope_x, slope_y = rays.slope_x.copy(), rays.slope_y.copy()
-    weight, bounced = rays.weight.copy(), rays.bounced.copy()
-    x, y = rays.x.copy(), rays.y.copy()
-    for i, wall in enumerate(walls):
-        at = np.flatnonzero((free < 0) & (nearest == i))
-        nx, ny = wall.normal(x[at], y[at])
-        inward = slope_x[at] * nx + slope_y[at] * ny
-        hit = inward < 0  # the others are on their way out
-        at, nx, ny, inward = at[hit], nx[hit], ny[hit], inward[hit]
-        slope_x[at] -= 2 * inward * nx
-        slope_y[at] -= 2 * inward * ny
-        # out of the wall, as deep as it is in: the mirrored path to that depth
-        deep = np.minimum(wall.distance(x[at], y[at], exact=True), 0)
-        x[at] -= 2 * deep * nx
-        y[at] -= 2 * deep * ny
-        weight[at] *= np.float32(wall.body.wall_reflectance)
-        bounced[at] = True
-        lost[at] = weight[at] < FAINT
-    made = RayFan(x, y, slope_x, slope_y, weight, rays.owner, bounced)
-    return made, lost
+        other = wall.distance(x, y).astype(np.float32, copy=False)
+        nearest[other < free] = i
+        np.minimum(free, other, out=free)
+    return free, nearest

@@ -24,9 +24,12 @@ from microplan.executor.simulated.imaging.rays.marching import (
     STAGE,
     FaceHits,
     RayFan,
+    Reals32,
     Solids,
 )
 from microplan.executor.simulated.imaging.rays.regions import CUT, OPEN
+
+MOST_LIT = 1 << 20  # rays whose ends are lit at once
 
 Chief = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -43,15 +46,12 @@ class RayPicture:
 
     def through(self, x: FloatArray, y: FloatArray, at_um: float) -> FloatArray:
         """Return mean radiance at points of a focal plane, (N,)."""
-        means = [
-            self._radiance(self._ends(fan, at_um), fan).mean(axis=1)
-            for fan in self._fans(x, y)
-        ]
-        return np.concatenate(means)
+        found = self._seen(x, y, lambda fan: self._ends(fan, at_um))
+        return np.concatenate([light.mean(axis=1, dtype=float) for light in found])
 
     def in_plane(
-        self, x: FloatArray, y: FloatArray, at_um: float, face: int
-    ) -> FloatArray:
+        self, x: FloatArray, y: FloatArray, *, at_um: float, face: int, edge_um: float
+    ) -> Reals32:
         """Return radiance at points of a plane in which there is a face, (N, count).
 
         Parameters
@@ -63,17 +63,31 @@ class RayPicture:
         face : int
             Body whose top face rays that come straight end on, STAGE, or OPEN: they
             go on below; CUT: they are in a body.
+        edge_um : float
+            Width of the ramps that edges in the plane are drawn as, where mirrored.
         """
-        found = []
-        for fan in self._fans(x, y):
+        def ends(fan: RayFan) -> list[FaceHits]:
             down = self._down(fan, at_um, at_um)
-            hits = down.hits + self.solids.end(down.bent, at_um)
+            hits = down.hits + self.solids.end(down.bent, at_um, edge_um)
             if face == OPEN:
                 hits += self._below(down.beams, at_um)
             elif face != CUT:
                 hits.append(FaceHits(face, down.beams.rays))
-            found.append(self._radiance(hits, fan))
-        return np.concatenate(found)
+            return hits
+
+        return np.concatenate(list(self._seen(x, y, ends)))
+
+    def _seen(
+        self, x: FloatArray, y: FloatArray, ends: Callable[[RayFan], list[FaceHits]]
+    ) -> Iterator[Reals32]:
+        """Yield radiance at some points after the others, (points, count)."""
+        many = max(1, MOST_LIT // len(self.slopes))
+        for first in range(0, len(x), many):
+            fans = self._fans(x[first : first + many], y[first : first + many])
+            found = [(fan, ends(fan)) for fan in fans]
+            self.light.prepare([hit for _, hits in found for hit in hits])
+            for fan, hits in found:
+                yield self._radiance(hits, fan)
 
     def _down(self, fan: RayFan, meet_um: float, to_um: float) -> Passage:
         """Return what becomes of beams from the sky that meet in a plane above `to`."""
@@ -114,7 +128,7 @@ class RayPicture:
         stage = [FaceHits(STAGE, rays) for rays in (down.beams.rays, bent)]
         return [*down.hits, *faces, *more, *stage]
 
-    def _radiance(self, hits: list[FaceHits], fan: RayFan) -> FloatArray:
+    def _radiance(self, hits: list[FaceHits], fan: RayFan) -> Reals32:
         """Return what each ray of a fan brings, (points, count)."""
         total = np.zeros(len(fan))
         for hit in hits:
@@ -122,7 +136,7 @@ class RayPicture:
                 light = self.light.radiance(hit)
                 owner = hit.rays.owner
                 total += np.bincount(owner, weights=light, minlength=len(fan))
-        return total.reshape(-1, len(self.slopes))
+        return total.reshape(-1, len(self.slopes)).astype(np.float32)
 
     def _fans(self, x: FloatArray, y: FloatArray) -> Iterator[RayFan]:
         """Yield rays of all slopes through points, some points at once."""

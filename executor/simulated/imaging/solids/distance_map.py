@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ import numpy.typing as npt
 from microplan.arrays import Box, FloatArray
 from microplan.executor.simulated.imaging.solids.plane_outline import (
     PlaneOutline,
+    edge_box,
+    edge_square,
     parity_grid,
 )
 
@@ -19,9 +22,11 @@ PITCH_UM = 0.2  # of a small body's map
 MOST_CELLS = 1600  # along the longer side, before the pitch grows
 MARGIN_UM = 12.0  # round the outline; a ray farther away makes more steps
 NEAREST_UM = 0.5  # a coarser map is interpolated
-CHUNK = 1 << 18  # cells at once
+EXACT_UM = 5.0  # from an edge: farther away than a beam's side is
+FEW = 4  # cells to one that is computed, farther away
 
 Reals = npt.NDArray[np.floating]
+Reals32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,39 +47,74 @@ class DistanceMap:
         pitch = self.pitch_um
         return pitch * math.sqrt(0.5) if pitch <= NEAREST_UM else 0.1 * pitch
 
-    def quick(self, x: Reals, y: Reals) -> npt.NDArray[np.float32]:
-        """Return distances at (...) um points of the body, within `coarseness_um`."""
+    def cells(self, x: Reals, y: Reals) -> tuple[Reals, Reals]:
+        """Return where (...) um points are on the raster, in cells."""
+        scale = x.dtype.type(1 / self.pitch_um)
+        left, low = x.dtype.type(self.x_um), x.dtype.type(self.y_um)
+        return (x - left) * scale, (y - low) * scale
+
+    def quick_at(self, i: Reals32, j: Reals32) -> Reals32:
+        """Return distances at (...) places in cells, within `coarseness_um`."""
         if self.pitch_um > NEAREST_UM:
-            return self.exact(x, y).astype(np.float32)
+            return self._between((self.values.ravel(),), i, j)[0]
         rows, columns = self.values.shape
-        i = (x - (self.x_um - self.pitch_um / 2)) * (1 / self.pitch_um)
-        j = (y - (self.y_um - self.pitch_um / 2)) * (1 / self.pitch_um)
+        i, j = i + np.float32(0.5), j + np.float32(0.5)
         np.clip(i, 0, columns - 1, out=i)
         np.clip(j, 0, rows - 1, out=j)
-        index = j.astype(np.int32) * np.int32(columns) + i.astype(np.int32)
+        index = j.astype(np.int32)
+        index *= np.int32(columns)
+        index += i.astype(np.int32)
         return self.values.ravel().take(index)
+
+    def quick(self, x: Reals, y: Reals) -> Reals32:
+        """Return distances at (...) um points of the body, within `coarseness_um`."""
+        i, j = self.cells(x, y)
+        return self.quick_at(i.astype(np.float32), j.astype(np.float32))
 
     def exact(self, x: Reals, y: Reals) -> Reals:
         """Return distances, interpolated between the four cells around."""
-        rows, columns = self.values.shape
-        i = np.clip((x - self.x_um) * (1 / self.pitch_um), 0, columns - 1.001)
-        j = np.clip((y - self.y_um) * (1 / self.pitch_um), 0, rows - 1.001)
-        left, low = i.astype(np.int32), j.astype(np.int32)
-        u, v = i - left, j - low
-        flat, index = self.values.ravel(), low * np.int32(columns) + left
-        first = flat.take(index) * (1 - u) + flat.take(index + 1) * u
-        index += np.int32(columns)
-        after = flat.take(index) * (1 - u) + flat.take(index + 1) * u
-        mixed: Reals = first * (1 - v) + after * v
-        return mixed
+        return self._between((self.values.ravel(),), *self.cells(x, y))[0]
 
     def normal(self, x: Reals, y: Reals) -> tuple[Reals, Reals]:
         """Return unit vectors that point out of the body, in its frame."""
-        step = 1.5 * self.pitch_um
-        gx = self.exact(x + step, y) - self.exact(x - step, y)
-        gy = self.exact(x, y + step) - self.exact(x, y - step)
+        _, gx, gy = self.surface(x, y)
+        return gx, gy
+
+    def surface(self, x: Reals, y: Reals) -> tuple[Reals, Reals, Reals]:
+        """Return distances as `exact` does, and unit vectors as `normal` does."""
+        planes = (self.values.ravel(), *self._slopes)
+        away, gx, gy = self._between(planes, *self.cells(x, y))
         length = np.maximum(np.hypot(gx, gy), 1e-9)
-        return gx / length, gy / length
+        return away, gx / length, gy / length
+
+    @cached_property
+    def _slopes(self) -> tuple[Reals32, Reals32]:
+        """Return how distances grow along x and y across three cells, (cells,) each."""
+        padded = np.pad(self.values, 2, mode="edge")
+        # at half cells: the mean of two differences, from 1 and from 2 cells away
+        across = padded[2:-2, 4:] - padded[2:-2, :-4]
+        across += padded[2:-2, 3:-1] - padded[2:-2, 1:-3]
+        down = padded[4:, 2:-2] - padded[:-4, 2:-2]
+        down += padded[3:-1, 2:-2] - padded[1:-3, 2:-2]
+        return across.ravel(), down.ravel()
+
+    def _between(self, planes: Sequence[Reals32], i: Reals, j: Reals) -> list[Reals]:
+        """Return flat rasters' values between the four cells around places in cells."""
+        rows, columns = self.values.shape
+        i, j = np.clip(i, 0, columns - 1.001), np.clip(j, 0, rows - 1.001)
+        left, low = i.astype(np.int32), j.astype(np.int32)
+        u, v = i - left.astype(i.dtype), j - low.astype(j.dtype)
+        index = low * np.int32(columns) + left
+        right, above = index + np.int32(1), index + np.int32(columns)
+        corner = above + np.int32(1)
+        found = []
+        for flat in planes:
+            first = flat.take(index)
+            first = first + u * (flat.take(right) - first)
+            after = flat.take(above)
+            after = after + u * (flat.take(corner) - after)
+            found.append(first + v * (after - first))
+        return found
 
 
 @lru_cache(maxsize=64)
@@ -88,14 +128,40 @@ def distance_map(outline: PlaneOutline, near: Box | None = None) -> DistanceMap:
     pitch = max(PITCH_UM, longer / MOST_CELLS)
     x = np.arange(x0 - MARGIN_UM, x1 + MARGIN_UM + pitch, pitch)
     y = np.arange(y0 - MARGIN_UM, y1 + MARGIN_UM + pitch, pitch)
-    inside = parity_grid(outline, x, y)
-    values = np.empty(inside.shape, dtype=np.float32)
-    many = max(1, CHUNK // len(x))
-    for row in range(0, len(y), many):
-        rows = slice(row, row + many)
-        values[rows] = outline.distance_um(x[None, :], y[rows, None])
-    values[inside] *= -1
+    values = _distances(outline, x, y)
+    values[parity_grid(outline, x, y)] *= -1
     return DistanceMap(values, float(x[0]), float(y[0]), float(pitch))
+
+
+def _distances(
+    outline: PlaneOutline, x: FloatArray, y: FloatArray
+) -> npt.NDArray[np.float32]:
+    """Return distances to the nearest edge on a grid of um, (len(y), len(x)).
+
+    Within `EXACT_UM` each cell's; beyond, straight between those of every `FEW`th.
+    """
+    wide_um = FEW * float(x[1] - x[0])
+    few_x, few_y = (
+        along[0] + wide_um * np.arange(-(-(len(along) - 1) // FEW) + 1)
+        for along in (x, y)
+    )
+    few = outline.distance_um(few_x[None, :], few_y[:, None]).astype(np.float32)
+    share = (np.arange(FEW, dtype=np.float32) / FEW)[:, None]
+    rows = few[:-1, None] + share * (few[1:, None] - few[:-1, None])
+    rows = np.vstack([rows.reshape(-1, len(few_x)), few[-1:]])[: len(y)]
+    columns = rows[:, :-1, None] + share.T * (rows[:, 1:, None] - rows[:, :-1, None])
+    columns = np.hstack([columns.reshape(len(y), -1), rows[:, -1:]])[:, : len(x)]
+    square = np.where(columns < EXACT_UM, np.float32(np.inf), columns**2)
+    for edge in (edge for ring in outline.rings for edge in ring):
+        x0, y0, x1, y1 = edge_box(edge)
+        reach = EXACT_UM + wide_um  # above what a cell's distance may be then
+        left, right = np.searchsorted(x, (x0 - reach, x1 + reach))
+        low, high = np.searchsorted(y, (y0 - reach, y1 + reach))
+        part = square[low:high, left:right]
+        if part.size:
+            found = edge_square(edge, x[None, left:right], y[low:high, None])
+            part[:] = np.minimum(part, found)
+    return np.sqrt(square)
 
 
 def signed_distance_um(

@@ -44,7 +44,7 @@ class PlaneOutline:
         least = np.full(np.broadcast(x, y).shape, np.inf)
         for ring in self.rings:
             for edge in ring:
-                np.minimum(least, _edge_square(edge, x, y), out=least)
+                np.minimum(least, edge_square(edge, x, y), out=least)
         root: FloatArray = np.sqrt(least)
         return root
 
@@ -100,11 +100,26 @@ def _arc(edge: tuple[float, ...]) -> tuple[float, float, float, float, float]:
     return x, y, radius, start, sweep
 
 
-def _edge_square(edge: tuple[float, ...], x: FloatArray, y: FloatArray) -> FloatArray:
+def edge_square(edge: tuple[float, ...], x: FloatArray, y: FloatArray) -> FloatArray:
     """Return squared distances to one edge."""
     if len(edge) == 4:
         return _segment_square(edge, x, y)
     return _arc_square(_arc(edge), x, y)
+
+
+def edge_box(edge: tuple[float, ...]) -> Box:
+    """Return a box that holds an edge: x_min, y_min, x_max, y_max, um."""
+    if len(edge) == 4:
+        x0, y0, x1, y1 = edge
+        return (min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+    cx, cy, radius, start, sweep = _arc(edge)
+    angle = np.linspace(start, start + sweep, 33)
+    x, y = cx + radius * np.cos(angle), cy + radius * np.sin(angle)
+    over = radius * (1 - math.cos(sweep / 64))  # of the arc, above its chords
+    return (
+        float(x.min()) - over, float(y.min()) - over,
+        float(x.max()) + over, float(y.max()) + over,
+    )  # fmt: skip
 
 
 def _segment_square(

@@ -11,6 +11,7 @@ from microplan.arrays import Box
 from microplan.executor.simulated.imaging.solids.distance_map import (
     DistanceMap,
     Reals,
+    Reals32,
     distance_map,
 )
 from microplan.executor.simulated.imaging.solids.plane_outline import PlaneOutline
@@ -84,6 +85,23 @@ class MappedBody:
         """Return unit vectors out of the body, in the image's frame."""
         gx, gy = self.distances.normal(*self._inward(x, y))
         return self.cosine * gx - self.sine * gy, self.sine * gx + self.cosine * gy
+
+    def surface(self, x: Reals, y: Reals) -> tuple[Reals, Reals, Reals]:
+        """Return signed distances, um, and unit vectors out of the body, (...) each."""
+        away, gx, gy = self.distances.surface(*self._inward(x, y))
+        c, s = x.dtype.type(self.cosine), x.dtype.type(self.sine)
+        return away, c * gx - s * gy, s * gx + c * gy
+
+    def cells(self, x: Reals32, y: Reals32) -> tuple[Reals32, Reals32]:
+        """Return where (...) um points are on the body's raster, in cells."""
+        i, j = self.distances.cells(*self._inward(x, y))
+        return i.astype(np.float32, copy=False), j.astype(np.float32, copy=False)
+
+    def cell_slopes(self, x: Reals32, y: Reals32) -> tuple[Reals32, Reals32]:
+        """Return (...) slopes on the body's raster, cells per um of height."""
+        scale = 1 / self.distances.pitch_um
+        c, s = np.float32(self.cosine * scale), np.float32(self.sine * scale)
+        return c * x + s * y, c * y - s * x
 
     def _inward(self, x: Reals, y: Reals) -> tuple[Reals, Reals]:
         """Return points in the body's frame."""
