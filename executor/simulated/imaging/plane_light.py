@@ -97,9 +97,11 @@ def region_light(
     away = region.distance(px.ravel(), py.ravel()).reshape(shape)
     points = _Points(region, seen, tolerance)
     known = away[::SPARSE, ::SPARSE] < REACH * SPARSE * lattice.spacing_um
-    sparse = np.zeros((*known.shape, directions), dtype=np.float32)
+    sparse: Reals32 = np.zeros((*known.shape, directions), dtype=np.float32)
     row, column = np.nonzero(known)
-    found, good = points.at(px[::SPARSE, ::SPARSE][known], py[::SPARSE, ::SPARSE][known])
+    found, good = points.at(
+        px[::SPARSE, ::SPARSE][known], py[::SPARSE, ::SPARSE][known]
+    )
     known[row[~good], column[~good]] = False
     sparse[known] = found
     sparse = filled(sparse, known)
@@ -202,7 +204,9 @@ class _Points:
             bent[row[far], column[far]] = True
             ask = self.near(x, y, widened(bent))
         made = made[1:] or made
-        rows, columns, light = (np.concatenate(each) for each in zip(*made, strict=True))
+        rows, columns, light = (
+            np.concatenate(each) for each in zip(*made, strict=True)
+        )
         return bent, rows, columns, light
 
     def near(self, x: FloatArray, y: FloatArray, ask: BoolArray) -> BoolArray:

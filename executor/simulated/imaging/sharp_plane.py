@@ -69,7 +69,9 @@ class SharpPlane:
     @cached_property
     def region(self) -> npt.NDArray[np.uint8]:
         """Return the number of the region at points, (rows, columns), without unit."""
-        return np.argmax(self._away < 0, axis=0).astype(np.uint8)
+        first: npt.NDArray[np.uint8]
+        first = np.argmax(self._away < 0, axis=0).astype(np.uint8)
+        return first
 
     @cached_property
     def light(self) -> Reals32:

@@ -251,7 +251,9 @@ class _Search:
         near = np.flatnonzero((away < speed * self._high + self._most) & (low > -0.5))
         if not len(near):
             return
-        along_i, along_j = self._wall.cell_slopes(slope_x.take(near), slope_y.take(near))
+        along_i, along_j = self._wall.cell_slopes(
+            slope_x.take(near), slope_y.take(near)
+        )
         away = away.take(near)
         way = np.empty((9, len(near)), dtype=np.float32)
         way[0], way[1] = i.take(near), j.take(near)

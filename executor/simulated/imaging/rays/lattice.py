@@ -33,8 +33,8 @@ class PointLattice:
 
     def smooth(self, values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return (rows, columns) values interpolated onto a grid of um, (Y, X)."""
-        across = _cubic((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
-        down = _cubic((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
+        across = cubic_weights((x - self.x_um[0]) / self.spacing_um, len(self.x_um))
+        down = cubic_weights((y - self.y_um[0]) / self.spacing_um, len(self.y_um))
         grid: FloatArray = down @ values @ across.T
         return grid
 
@@ -95,38 +95,19 @@ class PointLattice:
         mixed: FloatArray = (1 - v) * first + v * after
         return mixed
 
-    def quick_at(self, values: Reals32, x: Reals32, y: Reals32) -> Reals32:
-        """Return what `at` does, from (rows, columns) float32 values, at (N,) um."""
-        step, columns = np.float32(1 / self.spacing_um), np.int32(values.shape[1])
+    def holding(self, x: Reals32, y: Reals32) -> BoolArray:
+        """Return which cells hold any of (N,) um points, (rows, columns) bool.
+
+        A cell has the number of its first corner.
+        """
+        step, columns = np.float32(1 / self.spacing_um), np.int32(len(self.x_um))
         u = (x - np.float32(self.x_um[0])) * step
         v = (y - np.float32(self.y_um[0])) * step
-        np.clip(u, 0, values.shape[1] - 1.001, out=u)
-        np.clip(v, 0, values.shape[0] - 1.001, out=v)
-        left, low = u.astype(np.int32), v.astype(np.int32)
-        u -= left.astype(np.float32)
-        v -= low.astype(np.float32)
-        flat, index = values.ravel(), low * columns + left
-        first = flat.take(index)
-        first += u * (flat.take(index + np.int32(1)) - first)
-        index += columns
-        after = flat.take(index)
-        after += u * (flat.take(index + np.int32(1)) - after)
-        mixed: Reals32 = first + v * (after - first)
-        return mixed
-
-    def used(self, x: Reals, y: Reals) -> BoolArray:
-        """Return which points `at` reads at (N,) um places, (rows, columns) bool."""
-        step, columns = np.float32(1 / self.spacing_um), np.int32(len(self.x_um))
-        u = (np.asarray(x, np.float32) - np.float32(self.x_um[0])) * step
-        v = (np.asarray(y, np.float32) - np.float32(self.y_um[0])) * step
         np.clip(u, 0, len(self.x_um) - 1.001, out=u)
         np.clip(v, 0, len(self.y_um) - 1.001, out=v)
         cells = np.zeros(len(self.y_um) * len(self.x_um), dtype=bool)
         cells[v.astype(np.int32) * columns + u.astype(np.int32)] = True
-        used = cells.reshape(len(self.y_um), len(self.x_um))
-        used[1:] |= used[:-1].copy()
-        used[:, 1:] |= used[:, :-1].copy()
-        return used
+        return cells.reshape(len(self.y_um), len(self.x_um))
 
 
 def lattice_over(box: Box, spacing_um: float) -> PointLattice:
@@ -187,7 +168,7 @@ def _linear(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
     return first, at - first
 
 
-def _cubic(at: FloatArray, count: int) -> FloatArray:
+def cubic_weights(at: FloatArray, count: int) -> FloatArray:
     """Return weights of `count` points for Catmull-Rom interpolation, (len(at), count).
 
     Two points are needed beyond each end; farther out the ends hold on.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, IntArray
+from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.executor.simulated.imaging.solids.solid_scene import MappedBody
 
 STAGE = -1  # as the index of a body: what lies under all of them
@@ -67,6 +67,23 @@ def joined(fans: Sequence[RayFan]) -> RayFan:
     return RayFan(*(np.concatenate([getattr(f, n) for f in fans]) for n in names))
 
 
+def fan_through(x: FloatArray, y: FloatArray, slopes: FloatArray) -> RayFan:
+    """Return rays of all slopes, (count, 2), through each point, (N,) um.
+
+    Ray i * count + k goes through point i along slope k, and is its own owner.
+    """
+    many, count = len(x), len(slopes)
+    total = many * count
+    return RayFan(
+        np.repeat(x.astype(np.float32), count),
+        np.repeat(y.astype(np.float32), count),
+        np.tile(slopes[:, 0].astype(np.float32), many),
+        np.tile(slopes[:, 1].astype(np.float32), many),
+        np.ones(total, dtype=np.float32),
+        np.arange(total, dtype=np.int32),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Solids:
     """The bodies that rays go through, and the stage under them."""
@@ -123,7 +140,9 @@ class Solids:
                 away = body.distance(rays.x, rays.y, exact=True).astype(np.float32)
                 share = np.clip(np.float32(0.5) - away / np.float32(edge_um), 0, 1)
                 on, off = share > 0, share < 1
-                hits.append(FaceHits(i, replace(rays, weight=rays.weight * share).pick(on)))
+                hits.append(
+                    FaceHits(i, replace(rays, weight=rays.weight * share).pick(on))
+                )
                 rays = replace(rays, weight=rays.weight * (1 - share)).pick(off)
         return rays, hits
 

@@ -15,19 +15,17 @@ from microplan.executor.simulated.imaging.rays.beams import (
     meet_faces,
     pass_down,
 )
-from microplan.executor.simulated.imaging.rays.face_light import (
-    MOST_RAYS,
-    FaceLight,
-    fan_through,
-)
+from microplan.executor.simulated.imaging.rays.face_light import FaceLight
 from microplan.executor.simulated.imaging.rays.marching import (
     STAGE,
     FaceHits,
     RayFan,
     Reals32,
     Solids,
+    fan_through,
 )
 from microplan.executor.simulated.imaging.rays.regions import CUT, OPEN
+from microplan.executor.simulated.imaging.rays.shading import MOST_RAYS
 
 MOST_LIT = 1 << 20  # rays whose ends are lit at once
 
@@ -66,6 +64,7 @@ class RayPicture:
         edge_um : float
             Width of the ramps that edges in the plane are drawn as, where mirrored.
         """
+
         def ends(fan: RayFan) -> list[FaceHits]:
             down = self._down(fan, at_um, at_um)
             hits = down.hits + self.solids.end(down.bent, at_um, edge_um)

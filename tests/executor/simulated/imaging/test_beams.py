@@ -9,8 +9,7 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.imaging.rays.beams import beams_from, pass_up
-from microplan.executor.simulated.imaging.rays.face_light import fan_through
-from microplan.executor.simulated.imaging.rays.marching import Solids
+from microplan.executor.simulated.imaging.rays.marching import Solids, fan_through
 from microplan.executor.simulated.imaging.rays.pupil_rays import (
     beam_spread,
     pupil_slopes,
