@@ -14,12 +14,15 @@ from microplan.executor.simulated.imaging.imaging_view import RaySampling
 
 CLOSE = 0.01  # of full scale
 LEAST_SHARE, MOST_ERROR, MOST_RMS = 0.995, 0.02, 0.003  # aims at equal optics
-# finer than a run's pictures: a mirror's edges in focus are narrow
+# finer than a run's pictures: edges in focus that walls mirror to a step of the grid
 JUDGE = RaySampling(
-    spacing=0.06, least_spacing_um=0.6, plane_spacing_um=0.6, most_spacing_um=2.5
-)
+    rays=720, spacing=0.06, least_spacing_um=0.6, most_spacing_um=2.5,
+    plane_spacing_um=1.6, edge_um=0.2, tolerance=0.002,
+)  # fmt: skip
 # another pattern of rays through pupil and lamp, from other points
-TURNED = replace(JUDGE, turn_rad=1.0, spacing=0.051, plane_spacing_um=0.51)
+TURNED = replace(
+    JUDGE, turn_rad=1.0, spacing=0.051, plane_spacing_um=1.36, edge_um=0.17
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

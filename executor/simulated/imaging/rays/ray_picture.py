@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from microplan.executor.simulated.imaging.rays.marching import (
     Reals32,
     Solids,
     fan_through,
+    joined,
 )
 from microplan.executor.simulated.imaging.rays.regions import CUT, OPEN
 from microplan.executor.simulated.imaging.rays.shading import MOST_RAYS
@@ -82,11 +83,12 @@ class RayPicture:
         """Yield radiance at some points after the others, (points, count)."""
         many = max(1, MOST_LIT // len(self.slopes))
         for first in range(0, len(x), many):
-            fans = self._fans(x[first : first + many], y[first : first + many])
-            found = [(fan, ends(fan)) for fan in fans]
-            self.light.prepare([hit for _, hits in found for hit in hits])
-            for fan, hits in found:
-                yield self._radiance(hits, fan)
+            some = slice(first, first + many)
+            hits, before = [], 0
+            for fan in self._fans(x[some], y[some]):
+                hits += [_owned(hit, before) for hit in ends(fan) if len(hit.rays)]
+                before += len(fan)
+            yield self._radiance(hits, before)
 
     def _down(self, fan: RayFan, meet_um: float, to_um: float) -> Passage:
         """Return what becomes of beams from the sky that meet in a plane above `to`."""
@@ -127,14 +129,18 @@ class RayPicture:
         stage = [FaceHits(STAGE, rays) for rays in (down.beams.rays, bent)]
         return [*down.hits, *faces, *more, *stage]
 
-    def _radiance(self, hits: list[FaceHits], fan: RayFan) -> Reals32:
-        """Return what each ray of a fan brings, (points, count)."""
-        total = np.zeros(len(fan))
-        for hit in hits:
-            if len(hit.rays):
-                light = self.light.radiance(hit)
-                owner = hit.rays.owner
-                total += np.bincount(owner, weights=light, minlength=len(fan))
+    def _radiance(self, hits: list[FaceHits], rays: int) -> Reals32:
+        """Return what each of so many rays brings, (points, count)."""
+        faces = sorted({hit.face for hit in hits})
+        merged = [
+            FaceHits(face, joined([hit.rays for hit in hits if hit.face == face]))
+            for face in faces
+        ]
+        self.light.prepare(merged)
+        total = np.zeros(rays)
+        for hit in merged:
+            light = self.light.radiance(hit)
+            total += np.bincount(hit.rays.owner, weights=light, minlength=rays)
         return total.reshape(-1, len(self.slopes)).astype(np.float32)
 
     def _fans(self, x: FloatArray, y: FloatArray) -> Iterator[RayFan]:
@@ -148,3 +154,8 @@ class RayPicture:
                 fan.slope_x[:] += np.repeat(tilt_x, len(self.slopes)).astype(np.float32)
                 fan.slope_y[:] += np.repeat(tilt_y, len(self.slopes)).astype(np.float32)
             yield fan
+
+
+def _owned(hit: FaceHits, before: int) -> FaceHits:
+    """Return hits of rays that come after so many others."""
+    return FaceHits(hit.face, replace(hit.rays, owner=hit.rays.owner + before))

@@ -59,8 +59,8 @@ class DistanceMap:
             return self._between((self.values.ravel(),), i, j)[0]
         rows, columns = self.values.shape
         i, j = i + np.float32(0.5), j + np.float32(0.5)
-        np.clip(i, 0, columns - 1, out=i)
-        np.clip(j, 0, rows - 1, out=j)
+        _clip(i, columns - 1)
+        _clip(j, rows - 1)
         index = j.astype(np.int32)
         index *= np.int32(columns)
         index += i.astype(np.int32)
@@ -101,7 +101,9 @@ class DistanceMap:
     def _between(self, planes: Sequence[Reals32], i: Reals, j: Reals) -> list[Reals]:
         """Return flat rasters' values between the four cells around places in cells."""
         rows, columns = self.values.shape
-        i, j = np.clip(i, 0, columns - 1.001), np.clip(j, 0, rows - 1.001)
+        i, j = i + 0, j + 0
+        _clip(i, columns - 1.001)
+        _clip(j, rows - 1.001)
         left, low = i.astype(np.int32), j.astype(np.int32)
         u, v = i - left.astype(i.dtype), j - low.astype(j.dtype)
         index = low * np.int32(columns) + left
@@ -115,6 +117,12 @@ class DistanceMap:
             after = after + u * (flat.take(corner) - after)
             found.append(first + v * (after - first))
         return found
+
+
+def _clip(places: Reals, most: float) -> None:
+    """Bring (...) places between 0 and the last cell; `np.clip` takes twice as long."""
+    np.maximum(places, 0, out=places)
+    np.minimum(places, most, out=places)
 
 
 @lru_cache(maxsize=64)
