@@ -138,8 +138,10 @@ def _added(
         base = lattice.smooth(flat, finer.x_um, finer.y_um)
         whole = _between(added) + base
         x, y = np.meshgrid(finer.x_um, finer.y_um)
-        ask = points.near(x, y, _children(bent))
-        bent = points.refine(whole, (x, y), ask)[0]
+        ask = _children(bent)
+        if finer.spacing_um > 0.4 * lattice.spacing_um:  # a cubic swings beside a step
+            ask = widened(ask)
+        bent = points.refine(whole, (x, y), points.near(x, y, ask))[0]
         added = whole - base
     return added, finer
 

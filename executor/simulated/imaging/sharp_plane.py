@@ -110,7 +110,7 @@ class SharpPlane:
         u = np.clip((x - np.float32(self.lattice.x_um[0])) * spacing, 0, columns - 1.01)
         v = np.clip((y - np.float32(self.lattice.y_um[0])) * spacing, 0, rows - 1.01)
         left, low = u.astype(np.int32), v.astype(np.int32)
-        u, v = u - left, v - low
+        u, v = u - left.astype(np.float32), v - low.astype(np.float32)
         index = self.region.ravel().take(at).astype(np.int32) * np.int32(rows) + low
         index = (index * np.int32(columns) + left) * np.int32(count)
         index += np.arange(count, dtype=np.int32)

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from microplan.arrays import FloatArray
 from microplan.executor.simulated.imaging.imaging_view import (
     LampLevel,
     PixelWindow,
     RaySampling,
     TrueLensErrors,
 )
-from microplan.executor.simulated.imaging.photograph import photograph
+from microplan.executor.simulated.imaging.photograph import KEPT, photograph
 from microplan.executor.simulated.imaging.solids.solid_scene import SolidBody
 from microplan.schemas.pose import Pose
 from tests.executor.simulated.imaging.bodies import (
@@ -127,6 +128,21 @@ def test_another_pattern_of_rays_makes_the_same_picture() -> None:
     difference = images[1] - images[0]
     assert np.sqrt(np.mean(difference**2)) < 0.002  # .0014 of each
     assert np.abs(difference).max() < 0.006
+
+
+def test_pictures_do_not_depend_on_those_before() -> None:
+    found = scene(*(b for b, _ in seated(0.0, 0.0)))
+    window = PixelWindow(row=215, column=300, rows=8, columns=8)
+
+    def taken(focus_um: float) -> FloatArray:
+        return photograph(found, view(6.9, focus_um), window)
+
+    for other_um in (104.0, 100.0):
+        taken(other_um)
+    after = taken(102.0)
+    for stage in range(KEPT):  # what was kept of the scene is forgotten
+        photograph(scene(stage=0.01 * stage), view(6.9, 0.0), SMALL)
+    np.testing.assert_array_equal(taken(102.0), after)
 
 
 def test_a_point_moves_as_the_lens_errs() -> None:
