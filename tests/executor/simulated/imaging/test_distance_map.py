@@ -62,8 +62,7 @@ def test_an_arc_ends_where_its_ends_are() -> None:
 
 
 def test_cells_near_an_edge_are_exact_and_the_others_nearly() -> None:
-    rings = [circle(1, 0.5, 30), box(-8, -3, 4, 9)]
-    drawn = outline(rings)
+    drawn = outline([circle(1, 0.5, 30), box(-8, -3, 4, 9)])
     found = distance_map(drawn)
     rows, columns = found.values.shape
     row, column = np.random.default_rng(1).integers(0, (rows, columns), (2000, 2)).T
