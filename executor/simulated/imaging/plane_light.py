@@ -95,7 +95,7 @@ def region_light(
     shape = (len(lattice.y_um), len(lattice.x_um))
     px, py = (v.reshape(shape) for v in lattice.points())
     away = region.distance(px.ravel(), py.ravel()).reshape(shape)
-    points = _Points(region, seen, tolerance)
+    points = _RegionPoints(region, seen, tolerance)
     known = away[::SPARSE, ::SPARSE] < REACH * SPARSE * lattice.spacing_um
     sparse: Reals32 = np.zeros((*known.shape, directions), dtype=np.float32)
     row, column = np.nonzero(known)
@@ -125,7 +125,7 @@ def region_light(
 
 
 def _added(
-    points: _Points,
+    points: _RegionPoints,
     lattice: PointLattice,
     flat: FloatArray,
     bent: BoolArray,
@@ -147,7 +147,7 @@ def _added(
 
 
 @dataclass(frozen=True, eq=False)
-class _Points:
+class _RegionPoints:
     """What is seen at points of a region."""
 
     region: PlaneRegion

@@ -218,7 +218,7 @@ def _least_ratio(
     entered = np.full(count, np.inf, dtype=np.float32)
     if count:
         wide = float(beams.width[0])
-        search = _Search(wall, height_um, wide, (end - wide) / height_um)
+        search = _BeamSearch(wall, height_um, wide, (end - wide) / height_um)
         for first in range(0, count, AT_ONCE):
             search.begin(beams.rays, slice(first, first + AT_ONCE), least)
             search.go_on(least, entered, AT_ONCE)
@@ -226,7 +226,7 @@ def _least_ratio(
     return least, entered
 
 
-class _Search:
+class _BeamSearch:
     """Beams that look for the least distance to a wall, as many as a cache holds."""
 
     def __init__(

@@ -199,7 +199,7 @@ def march(
 
     Those that end on a wall are left out.
     """
-    way = _Way(walls, height_um)
+    way = _March(walls, height_um)
     for first in range(0, len(rays), AT_ONCE):
         way.begin(rays, left, slice(first, first + AT_ONCE))
         way.go_on(AT_ONCE)
@@ -211,7 +211,7 @@ def march(
     return RayFan(x, y, slope_x, slope_y, weight, owner)
 
 
-class _Way:
+class _March:
     """Rays on their way past walls, as many together as a cache holds."""
 
     def __init__(self, walls: Sequence[MappedBody], height_um: float) -> None:
