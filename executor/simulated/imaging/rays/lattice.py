@@ -74,27 +74,6 @@ class PointLattice:
             spacing_um=spacing,
         )
 
-    def corners(
-        self, x: Reals, y: Reals
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Return column, row and shares of the cell that holds each point, (N,) um."""
-        u: FloatArray = np.clip(
-            (x - self.x_um[0]) / self.spacing_um, 0, len(self.x_um) - 1.001
-        )
-        v: FloatArray = np.clip(
-            (y - self.y_um[0]) / self.spacing_um, 0, len(self.y_um) - 1.001
-        )
-        column, row = u.astype(np.intp), v.astype(np.intp)
-        return column, row, u - column, v - row
-
-    def at(self, values: FloatArray, x: Reals, y: Reals) -> FloatArray:
-        """Return (rows, columns) values between four points, at (N,) um points."""
-        column, row, u, v = self.corners(x, y)
-        first = (1 - u) * values[row, column] + u * values[row, column + 1]
-        after = (1 - u) * values[row + 1, column] + u * values[row + 1, column + 1]
-        mixed: FloatArray = (1 - v) * first + v * after
-        return mixed
-
     def holding(self, x: Reals32, y: Reals32) -> BoolArray:
         """Return which cells hold any of (N,) um points, (rows, columns) bool.
 
