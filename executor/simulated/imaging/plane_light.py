@@ -40,7 +40,7 @@ class RegionLight:
     finer: PointLattice
 
     def mean(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the mean of directions on a grid of um, (len(y), len(x))."""
+        """Return the mean of directions, (Y, X) shares of 1, on a grid of um."""
         whole = self.lattice.smooth(self.flat, x, y)
         if self.added.any():
             whole += self.finer.straight(self.added, x, y)

@@ -52,7 +52,7 @@ class SharpPlane:
 
     @cached_property
     def cut_step(self) -> FloatArray:
-        """Return what bodies that the plane cuts add to `uncut` in them, (Y, X)."""
+        """Return what bodies that are cut add to `uncut`, (Y, X) shares of 1."""
         if self.regions[0].face != CUT:
             return np.zeros_like(self.uncut)
         inside = self._away[0] < 0
@@ -68,7 +68,7 @@ class SharpPlane:
 
     @cached_property
     def region(self) -> npt.NDArray[np.uint8]:
-        """Return the number of the region at points, (rows, columns), without unit."""
+        """Return numbers of regions, (rows, columns) without unit, each um cell's."""
         first: npt.NDArray[np.uint8]
         first = np.argmax(self._away < 0, axis=0).astype(np.uint8)
         return first

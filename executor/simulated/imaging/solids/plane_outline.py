@@ -101,7 +101,7 @@ def _arc(edge: tuple[float, ...]) -> tuple[float, float, float, float, float]:
 
 
 def edge_square(edge: tuple[float, ...], x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return squared distances to one edge."""
+    """Return squared distances to one edge, (...) um**2, at (...) points."""
     if len(edge) == 4:
         return _segment_square(edge, x, y)
     return _arc_square(_arc(edge), x, y)
