@@ -23,8 +23,8 @@ _SAMPLES, _FEWEST, _MOST = 96_000, 128, 192
 # Width of a ray, of its share's side. What two bodies leave of one ray is taken for
 # the product, whose error rises as its square; narrower ones show that they are few.
 _WIDTH = 0.6
-MIRRORED = 64  # rays of a point that are followed past walls
-_FOLLOWED, _SIDES = 600_000, (8, 16)  # in all, and roots of how many of a point
+MIRRORED = 256  # rays of the lamp that are followed past walls
+_FOLLOWED, _SIDES = 600_000, (12, 16)  # in all, and roots of how many of a point
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
