@@ -131,7 +131,8 @@ def mirrored_below(
     for face in faces:
         if not face.body.is_sharp and face.body.top_um <= 0:
             found += raised(bodies, face.body, face.sends.mirrors, outside)
-    return found.reshape(lattice.shape) / count
+    shaped: FloatArray = found.reshape(lattice.shape) / count
+    return shaped
 
 
 def _ends(
