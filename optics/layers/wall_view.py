@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from microplan.optics.layers.solids.solid_bodies import (
 from microplan.optics.layers.solids.straight_rays import ThickBody
 from microplan.optics.layers.solids.view_change import (
     is_cut,
+    mirrored_below,
     mirrored_view,
     solid_view,
 )
@@ -108,7 +110,7 @@ def wall_residual(
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
     close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / finer)
-    if far_um == 0:
+    if far_um == 0 or all(body.wall_reflectance == 0 for _, body in found):
         return image
     wide = {
         z_um: replace(table, beyond=far_light(z_um, grown(area, far_um)))
@@ -116,9 +118,9 @@ def wall_residual(
     }
     args = *_sending(found, wide, scene.background, floor_um), floor_um - view.focus_um
     mirrors = mirrored_view(*args, close, m)
-    if mirrors is None:
-        return image
-    return image + _laid(view, _diffracted(view, mirrors, close), close, sharp)
+    image += _laid(view, _diffracted(view, mirrors, close), close, sharp)
+    free = math.prod(1 - share for _, share in sharp)
+    return image + free * view.at_pixels(mirrored_below(*args, lattice, m), lattice)
 
 
 def _mirrored_um(view: ShadedView, layers: Sequence[Layer], low_um: float) -> float:

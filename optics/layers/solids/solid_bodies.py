@@ -17,11 +17,14 @@ from microplan.optics.outline.distance_field import distance_field
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
-# Rays of all points of a lattice, and of one: `benchmarks/optics/shading.py` measures
-# what they leave.
-_SAMPLES, _FEWEST, _MOST = 96_000, 64, 192
-MIRRORED = 64  # rays of a point that are followed past walls
-_FOLLOWED, _SIDES = 600_000, (8, 16)  # in all, and roots of how many of a point
+# Rays of all points of a lattice, and of one: `benchmarks/truth` measures what they
+# leave.
+_SAMPLES, _FEWEST, _MOST = 96_000, 128, 192
+# Width of a ray, of its share's side. What two bodies leave of one ray is taken for
+# the product, whose error rises as its square; narrower ones show that they are few.
+_WIDTH = 0.6
+MIRRORED = 256  # rays of the lamp that are followed past walls
+_FOLLOWED, _SIDES = 600_000, (12, 16)  # in all, and roots of how many of a point
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
@@ -122,7 +125,7 @@ def rays_from(
         share = max(_SAMPLES // x.size, 1)
         count = min(max(share, _FEWEST), _MOST)
     tangents = slopes(microscope, count)
-    soft = math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
+    soft = _WIDTH * math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
     rays = rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents)
     if all_over:
         across, up = np.float32(step) * _scattered(count)

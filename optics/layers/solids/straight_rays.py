@@ -7,7 +7,7 @@ it is as wide as that, and hidden in part where an edge runs through it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,15 +46,6 @@ class Rays:
             self.x_um + np.float32(z_um) * self.across,
             self.y_um + np.float32(z_um) * self.up,
         )
-
-    def some(self, points: IntArray) -> Rays:
-        """Return the rays of some points."""
-        return replace(self, x_um=self.x_um[points], y_um=self.y_um[points])
-
-    def moved_from(self, other: Rays) -> IntArray:
-        """Return the points of which any ray starts elsewhere than another's."""
-        moved = (self.x_um != other.x_um) | (self.y_um != other.y_um)
-        return np.flatnonzero(moved.any(axis=1))
 
 
 @dataclass(frozen=True, slots=True)

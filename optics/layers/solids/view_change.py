@@ -84,23 +84,19 @@ def mirrored_view(
     plane_um: float,
     lattice: Lattice,
     microscope: Microscope,
-) -> JointResidual | None:
-    """Return what rays that walls mirror add to an image, None if none does.
+) -> JointResidual:
+    """Return what rays add to an image that walls mirror above the plane in focus.
 
     Arguments as in `solid_view`; means over the cells of the lattice. What lies as high
     as the plane in focus is in focus in a vertical mirror, too: points are closer than
-    for what is lost at walls.
+    for what is lost at walls. With it comes what sharp mirror faces send up to walls.
     """
     bodies = [face.body for face in faces]
-    if not any(body.wall_reflectance > 0 for body in bodies):
-        return None
     count = mirrored_rays(lattice)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
-    args = bodies, [face.sends for face in faces], plane, plane_um
-    outside = rays_outside([b for b in bodies if b.is_sharp], rays)
-    above, below = mirrored(*args, rays)
-    if (inside := outside.moved_from(rays)).size:
-        below[inside] = mirrored(*args, outside.some(inside))[1]
+    above, below = np.zeros((2, rays.x_um.shape[0]))
+    if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
+        above += mirrored(bodies, *_ends(faces, plane, plane_um), rays)[0]
     beside = rays_outside([body for body in bodies if is_cut(body)], rays)
     sharp = []
     for face in faces:
@@ -110,10 +106,40 @@ def mirrored_view(
             sharp.append(raised(bodies, body, mirrors, beside))
         elif body.top_um > 0:
             above += raised(bodies, body, mirrors, rays)
-        else:
-            below += raised(bodies, body, mirrors, outside)
     shaped = [each.reshape(lattice.shape) / count for each in (below, *sharp, above)]
     return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
+
+
+def mirrored_below(
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    lattice: Lattice,
+    microscope: Microscope,
+) -> FloatArray:
+    """Return what rays add to an image that meet their first wall below focus.
+
+    (rows, columns) on the points of a lattice, where nothing sharp hides it. Arguments
+    as in `solid_view`: all that is seen is out of focus, and smooth as what is lost at
+    walls.
+    """
+    bodies = [face.body for face in faces]
+    count = mirrored_rays(lattice)
+    rays, _ = rays_from(lattice, microscope, count, all_over=True)
+    outside = rays_outside([body for body in bodies if body.is_sharp], rays)
+    _, found = mirrored(bodies, *_ends(faces, plane, plane_um), outside)
+    for face in faces:
+        if not face.body.is_sharp and face.body.top_um <= 0:
+            found += raised(bodies, face.body, face.sends.mirrors, outside)
+    shaped: FloatArray = found.reshape(lattice.shape) / count
+    return shaped
+
+
+def _ends(
+    faces: Sequence[SolidFace], plane: SentLight | None, plane_um: float
+) -> tuple[list[SentLight], SentLight | None, float]:
+    """Return what ends rays: faces, the plane below everything and its height."""
+    return [face.sends for face in faces], plane, plane_um
 
 
 def _straight(

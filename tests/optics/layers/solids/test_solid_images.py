@@ -250,3 +250,21 @@ def test_a_mirror_face_gives_back_the_pupils_share_once() -> None:
     # of a pixel in the mean
     once = share * (1 - 4 * 0.77 * OPTICS.um_per_px / (25 * np.pi))
     np.testing.assert_allclose(found, [share**2, once], atol=0.02)
+
+
+def test_a_mirror_below_bodies_one_on_another_is_not_too_bright() -> None:
+    """Jaws at a gear, all far above a polished plate: a ray's share meets them all."""
+    jaws = [
+        Layer(name=f"jaw {left}", outline=rectangle(left, -60, left + 160, 600),
+              z_um=500.0, reflectance=0.7, underside_um=300.0)
+        for left in (-210.0, 50.0)
+    ]  # fmt: skip
+    wheel = Layer(name="gear", outline=gear(), z_um=360.0, reflectance=0.8,
+                  underside_um=260.0)  # fmt: skip
+    plate = Layer(name="plate", outline=rectangle(-700, -700, 700, 700), z_um=0.0,
+                  reflectance=0.8, finish=1.0)  # fmt: skip
+    scene = Scene(layers=(plate, wheel, *jaws), background=FLOOR, background_z_um=-1.0)
+    at = [(row, column) for row in (4, 30, 57, 83) for column in (4, 30, 57, 83)]
+    rows, columns = np.array(at).T
+    apart = image(scene, 250.0)[rows, columns] - traced(scene, at, 250.0, -1.0)
+    assert abs(np.mean(apart)) < 2 * 0.0065 / np.sqrt(len(at)) + 0.003
