@@ -136,6 +136,7 @@ def layer_error(
     treatment: str,
     window: Window | None = None,
     lamp_aperture: float | None = None,
+    diffracts: bool = True,
 ) -> float:
     """Return the largest image error that a treatment of layers is predicted to make.
 
@@ -152,6 +153,9 @@ def layer_error(
         The part of the frame that matters. Default: all.
     lamp_aperture : float, optional
         Of coaxial light that the image has shaded. Default: nothing is shaded.
+    diffracts : bool
+        Whether layers diffract light on its way to others, and rays are few. False:
+        the error is that of blending, against rays.
 
     Returns
     -------
@@ -181,6 +185,28 @@ def layer_error(
     points = meeting_points(found, microscope, window or full(microscope))
     if not len(points.at_um):
         return 0.0
+    rest = np.zeros(len(points.at_um))
+    if diffracts:
+        rest = _diffraction(
+            found, points, scene.background, microscope, lamp_aperture,
+            traced=treatment == "occluded",
+        )  # fmt: skip
+    blended = _blended(found, treatment, microscope, window)
+    if len(blended) < 2:
+        return rounded_up(float(rest.max()))
+    return rounded_up(_blend_error(scene, microscope, blended, points.at_um, rest))
+
+
+def _diffraction(
+    found: Sequence[LayerFace],
+    points: Points,
+    background: float,
+    microscope: Microscope,
+    lamp_aperture: float | None,
+    *,
+    traced: bool,
+) -> FloatArray:
+    """Return the diffraction error at points, (N,) of full scale."""
     light = np.ones((len(found), len(points.at_um)))
     rasters = probes(microscope, found, points.at_um, are_lit=lamp_aperture is not None)
     if lamp_aperture is not None:
@@ -189,7 +215,7 @@ def layer_error(
     if any(abs(height_of(microscope, face.z_um)) > _NEAR for face in found):
         most = most_by_waves(
             rasters,
-            scene.background,
+            background,
             microscope,
             points.at_um,
             light=light,
@@ -198,18 +224,9 @@ def layer_error(
                 found, points, microscope, traced=False, light=light
             ),
         )
-    rest = diffraction_error(
-        found,
-        points,
-        microscope,
-        traced=treatment == "occluded",
-        light=light,
-        most=most,
+    return diffraction_error(
+        found, points, microscope, traced=traced, light=light, most=most
     )
-    blended = _blended(found, treatment, microscope, window)
-    if len(blended) < 2:
-        return rounded_up(float(rest.max()))
-    return rounded_up(_blend_error(scene, microscope, blended, points.at_um, rest))
 
 
 def _blended(
