@@ -11,12 +11,9 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.optics.layers.diffraction.face_waves import wave_changes
 from microplan.optics.layers.layer_edges import faces, meeting_points
-from microplan.optics.layers.layer_error import (
-    LayerChoice,
-    diffraction_error,
-    layer_error,
-)
+from microplan.optics.layers.layer_error import LayerChoice, layer_error
 from microplan.optics.layers.ray_probes import light_shares, probes
 from microplan.optics.ledger import CONTRAST, Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
@@ -124,25 +121,28 @@ def trial_image(case: LookCase) -> FloatArray:
     return nominal_render(case)()
 
 
-def expected_errors(made: TrialCase) -> tuple[FloatArray, FloatArray]:
-    """Return points of the plane in focus, (N, 2) um, and the diffraction error there.
+def edge_points(made: TrialCase) -> FloatArray:
+    """Return where edges of two heights come near in an image, (N, 2) um."""
+    case = made.case
+    found = faces(_shown(case), case.microscope, case.focus_um, case.window)
+    return meeting_points(found, case.microscope, case.window).at_um
 
-    Of what the ledger has for layers the part that no ray shows, (N,) of full scale.
+
+def expected_errors(made: TrialCase, at_um: FloatArray) -> FloatArray:
+    """Return the diffraction error at points (N, 2) of the plane in focus.
+
+    Of what the ledger has for layers the part that no ray shows, by the waves that it
+    is predicted from, (N,) of full scale, >= 0.
     """
     case = made.case
+    if not len(at_um) or case.lamp_aperture is None:
+        return np.zeros(len(at_um))
     shown = _shown(case)
     found = faces(shown, case.microscope, case.focus_um, case.window)
-    points = meeting_points(found, case.microscope, case.window)
-    if not len(points.at_um) or case.lamp_aperture is None:
-        return points.at_um, np.zeros(len(points.at_um))
-    rasters = probes(case.microscope, found, points.at_um, are_lit=True)
-    light = light_shares(
-        rasters, case.microscope, case.lamp_aperture, points.at_um, RAYS
-    )
-    errors = diffraction_error(
-        found, points, case.microscope, traced=False, light=light
-    )
-    return points.at_um, errors
+    rasters = probes(case.microscope, found, at_um, are_lit=True)
+    light = light_shares(rasters, case.microscope, case.lamp_aperture, at_um, RAYS)
+    changes = wave_changes(rasters, light, shown.background, case.microscope, at_um)
+    return case.light.gain * np.abs(changes)
 
 
 def _shown(case: LookCase) -> Scene:
@@ -151,16 +151,18 @@ def _shown(case: LookCase) -> Scene:
     return lens_scene(nominal, case.microscope, case.lens, case.focus_um)
 
 
-def predicted(made: TrialCase) -> float:
+def predicted(made: TrialCase, *, by_waves: bool) -> float:
     """Return the error of a look's image by the compiler's ledger, of full scale.
 
-    The sum of what single effects may cost: the ledger has no joint one.
+    The sum of what single effects may cost: the ledger has no joint one. Diffraction
+    from one body to another is left out where nothing by waves answers to it: neither
+    road's rays have it.
     """
     case = made.case
     shown = _shown(case)
     error = layer_error(
         shown, case.microscope, focus_um=case.focus_um, treatment=case.treatment,
-        window=case.window, lamp_aperture=case.lamp_aperture,
+        window=case.window, lamp_aperture=case.lamp_aperture, diffracts=by_waves,
     )  # fmt: skip
     rows = ledger(
         Imaged(

@@ -52,7 +52,7 @@ class JudgedPicture:
 
     example: str
     found: LookComparison
-    predicted: float  # of full scale
+    predicted: float  # of full scale; what `truth` can answer to
     waves: WaveErrors | None  # None: not asked for
 
     @property
@@ -76,7 +76,7 @@ def judged(
             yield JudgedPicture(
                 example=example.name,
                 found=compared(look),
-                predicted=predicted(look.trial),
+                predicted=predicted(look.trial, by_waves=asked > 0),
                 waves=wave_errors(look, asked) if asked else None,
             )
 

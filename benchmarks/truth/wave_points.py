@@ -6,7 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.truth.compiler_side import expected_errors, trial_image
+from benchmarks.truth.compiler_side import (
+    edge_points,
+    expected_errors,
+    trial_image,
+)
 from benchmarks.truth.judged_looks import JudgedLook, cell_image
 from benchmarks.truth.waves import wave_scene
 from microplan.arrays import BoolArray, FloatArray, IntArray
@@ -111,11 +115,11 @@ def _drawn(
 
 def _expected(look: JudgedLook, pixels: _Pixels) -> IntArray:
     """Return the pixels within reach at which the ledger expects most, (N, 2)."""
-    at_um, errors = expected_errors(look.trial)
-    at = pixels.near(at_um)
-    inside = pixels.within(at)
-    worst = _most(at[inside], errors[inside]) if inside.any() else at[inside]
-    found: IntArray = np.unique(worst, axis=0)
+    at = np.unique(pixels.near(edge_points(look.trial)), axis=0)
+    at = at[pixels.within(at)]
+    at_um = np.array([pixels.world(row, column) for row, column in at])
+    errors = expected_errors(look.trial, at_um)
+    found: IntArray = _most(at, errors) if len(at) else at
     return found
 
 

@@ -3,8 +3,8 @@
 Blending errs where the same rays pass near edges of two layers. That is measured here
 on the scene itself, at points where such edges meet, by rays that are displaced by the
 Airy pattern as well. Joint occlusion has that in the image. Rays neglect diffraction
-between one layer and the next; a bound of that comes on top, for the light that
-reaches the lower one.
+between one layer and the next; that comes on top, for the light that reaches the lower
+one: by waves at the worst points, or by a bound of pairs that are both near focus.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.optics.layers.diffraction.pupil_grid import height_of
+from microplan.optics.layers.diffraction.worst_changes import most_by_waves
 from microplan.optics.layers.layer_edges import LayerFace, Points, faces, meeting_points
 from microplan.optics.layers.ray_probes import light_shares, probe_error, probes
 from microplan.optics.layers.shaded_view import ShadedView
@@ -41,6 +43,8 @@ _CROWDED, _CROWD = 0.4, 4.0
 # Rays and cells of `occluded` with the usual settings (`benchmarks.optics.layers`), and
 # what a cell costs that two sharp edges share (tested).
 _TRACED, _SHARED = 0.012, 0.025
+# Both this near focus, n wavelength / A**2, waves find more than there is.
+_NEAR = 4.0
 _FIRST, _FINAL = 128, 1024  # rays a point: for all of them, and for the worst ones
 _WORST = 120  # points that are looked at again
 
@@ -132,6 +136,7 @@ def layer_error(
     treatment: str,
     window: Window | None = None,
     lamp_aperture: float | None = None,
+    diffracts: bool = True,
 ) -> float:
     """Return the largest image error that a treatment of layers is predicted to make.
 
@@ -148,6 +153,9 @@ def layer_error(
         The part of the frame that matters. Default: all.
     lamp_aperture : float, optional
         Of coaxial light that the image has shaded. Default: nothing is shaded.
+    diffracts : bool
+        Whether layers diffract light on its way to others, and rays are few. False:
+        the error is that of blending, against rays.
 
     Returns
     -------
@@ -162,9 +170,10 @@ def layer_error(
 
     Notes
     -----
-    Diffraction: at most .105 where a layer near focus meets one that is not, as the
-    edge of one cuts the pupil through which the other is seen. It falls with the root
-    of the height of the layer nearer to focus, and with the gap between edges.
+    Diffraction: the edge of one layer cuts the pupil through which the other is seen.
+    By waves (`microplan.optics.layers.diffraction`) if one is out of focus. Between two
+    near focus a bound of .105 is taken for each pair, which falls with their distance
+    and with the gap between edges.
     """
     if treatment not in KNOWN:
         raise ValueError(
@@ -176,16 +185,48 @@ def layer_error(
     points = meeting_points(found, microscope, window or full(microscope))
     if not len(points.at_um):
         return 0.0
-    light = np.ones((len(found), len(points.at_um)))
-    if lamp_aperture is not None:
-        rasters = probes(microscope, found, points.at_um, are_lit=True)
-        light = light_shares(rasters, microscope, lamp_aperture, points.at_um, _FIRST)
-    is_traced = treatment == "occluded"
-    rest = diffraction_error(found, points, microscope, traced=is_traced, light=light)
+    rest = np.zeros(len(points.at_um))
+    if diffracts:
+        rest = _diffraction(
+            found, points, scene.background, microscope, lamp_aperture,
+            traced=treatment == "occluded",
+        )  # fmt: skip
     blended = _blended(found, treatment, microscope, window)
     if len(blended) < 2:
         return rounded_up(float(rest.max()))
     return rounded_up(_blend_error(scene, microscope, blended, points.at_um, rest))
+
+
+def _diffraction(
+    found: Sequence[LayerFace],
+    points: Points,
+    background: float,
+    microscope: Microscope,
+    lamp_aperture: float | None,
+    *,
+    traced: bool,
+) -> FloatArray:
+    """Return the diffraction error at points, (N,) of full scale."""
+    light = np.ones((len(found), len(points.at_um)))
+    rasters = probes(microscope, found, points.at_um, are_lit=lamp_aperture is not None)
+    if lamp_aperture is not None:
+        light = light_shares(rasters, microscope, lamp_aperture, points.at_um, _FIRST)
+    most = math.inf
+    if any(abs(height_of(microscope, face.z_um)) > _NEAR for face in found):
+        most = most_by_waves(
+            rasters,
+            background,
+            microscope,
+            points.at_um,
+            light=light,
+            steps=[face.step for face in found],
+            bound=diffraction_error(
+                found, points, microscope, traced=False, light=light
+            ),
+        )
+    return diffraction_error(
+        found, points, microscope, traced=traced, light=light, most=most
+    )
 
 
 def _blended(
@@ -233,6 +274,7 @@ def diffraction_error(
     *,
     traced: bool,
     light: FloatArray,
+    most: float = math.inf,
 ) -> FloatArray:
     """Return the diffraction error of traced rays at points near edges.
 
@@ -246,28 +288,31 @@ def diffraction_error(
         Whether to add what the number of rays and the cells of `occluded` cost.
     light : (faces, N) float array
         Share of the light that reaches what a point sees of each face.
+    most : float
+        By `most_by_waves`, of pairs of which one is out of focus. Default: they too are
+        bounded.
 
     Returns
     -------
     (N,) float64 array
-        A bound, share of full scale.
+        A bound, share of full scale: the sum of bounds of pairs.
     """
     airy = microscope.wavelength_um / microscope.aperture
-    total = np.zeros(len(points.at_um))
+    close, apart, cells = np.zeros((3, len(points.at_um)))
     for (i, low), (j, high) in itertools.combinations(enumerate(found), 2):
-        depths = [2 * microscope.rim_w20_um(f.z_um) / microscope.wavelength_um
-                  for f in (low, high)]  # fmt: skip
-        apart = depths[1] - depths[0]
-        most = min(_MOST, _CLOSE * math.sqrt(apart))
-        nearer = min(abs(depths[0]), abs(depths[1]))
+        depths = [height_of(microscope, f.z_um) for f in (low, high)]
+        gap = depths[1] - depths[0]
+        each = min(_MOST, _CLOSE * math.sqrt(gap))
+        nearer, farther = sorted(abs(depth) for depth in depths)
         if nearer > 0:
-            most = min(most, _FALL / math.sqrt(nearer))
+            each = min(each, _FALL / math.sqrt(nearer))
         beyond = points.away_um[i] + points.away_um[j] - low.blur_um - high.blur_um
-        beyond = np.maximum(beyond, 0) / airy / math.sqrt(1 + apart)
+        beyond = np.maximum(beyond, 0) / airy / math.sqrt(1 + gap)
         crowd = np.clip(points.crowding[[i, j]], 1, _CROWD)
-        each = most * crowd.prod(axis=0) ** _CROWDED
+        share = low.step * light[i] / (1 + _APART * beyond)
+        total = close if farther <= _NEAR else apart
+        total += share * each * crowd.prod(axis=0) ** _CROWDED
         if traced:
             sharp = low.blur_um + high.blur_um < airy
-            each += _TRACED + _SHARED * sharp
-        total += low.step * light[i] * each / (1 + _APART * beyond)
-    return total
+            cells += share * (_TRACED + _SHARED * sharp)
+    return close + (most if math.isfinite(most) else apart) + cells

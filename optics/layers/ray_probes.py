@@ -162,6 +162,22 @@ def probe_error(
     return error
 
 
+def covered_shares(
+    rasters: Sequence[Probed], microscope: Microscope, at_um: FloatArray, count: int
+) -> FloatArray:
+    """Return the share of points' rays that meet each face alone, (faces, N), 0..1.
+
+    `at_um` is (N, 2) in the plane in focus; `count` is of rays a point, a power of 2.
+    """
+    slope, spread = rays(microscope, count)
+    shares = np.empty((len(rasters), len(at_um)))
+    for k, face in enumerate(rasters):
+        side = spread + face.z_um * slope
+        x, y = (at_um[:, [i]] + side[:, i] for i in (0, 1))
+        shares[k] = face.read(x, y, fine=False)[0].mean(axis=1)
+    return shares
+
+
 def light_shares(
     rasters: Sequence[Probed],
     microscope: Microscope,

@@ -205,6 +205,14 @@ def test_light_passes_behind_a_strip_in_focus() -> None:
     assert share == pytest.approx(expected, abs=4 * error)
 
 
+def test_rays_alone_lack_no_diffraction() -> None:
+    scene, optics = two(-60.0, 60.0), microscope(20.0, 160, 120)
+    ask = partial(layer_error, scene, optics, focus_um=0.0, diffracts=False)
+    assert ask(treatment="joint") == 0  # far from focus it has what rays show
+    # what the blend lacks of rays, without what both lack of waves
+    assert 0.1 < ask(treatment="blend") <= predicted(scene, "blend")
+
+
 def test_wrong_calls_are_refused() -> None:
     optics, scene = microscope(), two(0.0, 9.0)
     with pytest.raises(ValueError, match="blend, joint, occluded, got 'merge'"):
