@@ -20,6 +20,7 @@ class Gate:
     """What an answer must meet to be believed, and what that costs."""
 
     min_score: float
+    refuses: float  # wrong answers at and below this score: what may not pass
     max_spread_um: float  # of the chain's own standard deviation; inf: any
     silent: int  # wrong answers that still pass
     silent_upper: float  # of their rate per look, one-sided
@@ -123,7 +124,7 @@ def _gate(
     if allowed < len(bad):
         refused = np.sort(bad[:, 0])[::-1][allowed]
         least = _above(refused, np.concatenate((good[:, 0], bad[:, 0])))
-    good = good[good[:, 0] >= least]
+    good, refuses = good[good[:, 0] >= least], least
     if len(good):
         least = max(least, _below(good[:, 0]))
         cap_um = min(cap_um, -_below(-good[:, 1]))
@@ -131,6 +132,7 @@ def _gate(
     lost = len(right) - len(good)
     return Gate(
         min_score=float(least),
+        refuses=float(refuses),
         max_spread_um=float(cap_um),
         silent=silent,
         silent_upper=failure_upper(min(allowed, len(bad)), trials, level),

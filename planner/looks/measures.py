@@ -20,6 +20,7 @@ from microplan.featuresel.trials.trials import is_wrong
 from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.planner.looks.evaluation import Evaluation, use_of
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
+from microplan.planner.looks.model_errors.model_cost import AcceptedRange
 from microplan.planner.looks.repeated_trials import repeatability_record, undetected
 from microplan.planner.views.features import offset_um
 from microplan.planner.views.requests import Request
@@ -65,7 +66,8 @@ def measure_record(
 ) -> p.Measure:
     """Return the measurement of a feature, with the accuracy found in trials."""
     tried, shape, chosen = found.tried, found.shape, found.promised
-    case, spare, gates = tried.case, found.spare, _gates(tried, found.chosen)
+    case, spare, charges = tried.case, found.spare, found.charges
+    gates = _gates(tried, found.chosen, charges.accepted)
     spare_chain = () if spare is None else spare.chain
     where = look_key(request, target, shape)
     return p.Measure(
@@ -103,7 +105,9 @@ def measure_record(
         ),
         fallback_sigma_xy_um=None if spare is None else _spare_sigma_um(found, spare),
         fallback_sigma_theta_rad=None if spare is None else spare.sigma_theta_rad,
-        fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
+        fallback_min_score=0.0
+        if spare is None
+        else _min_score(tried, spare, charges.fallback_accepted),
         feature="" if shape.name == target.name else shape.name,
         offset_um=offset_um(shape, target),
         turn_rad=shape.angle_rad,
@@ -177,29 +181,35 @@ def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
     return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
 
 
-def _gates(tried: Evaluation, chosen: ChainScore) -> p.Gates:
-    """Return the acceptance gates of a measurement: all good trials and a margin."""
+def _gates(tried: Evaluation, chosen: ChainScore, accepted: AcceptedRange) -> p.Gates:
+    """Return the acceptance gates of a measurement: all good answers and a margin.
+
+    Those of trials, and on better images.
+    """
     good = _good(tried, chosen)
     spreads = [o.spread_um for o in good if o.spread_um is not None]
-    widest = SPREAD_MARGIN * max(spreads, default=0.0)
+    widest = SPREAD_MARGIN * max(*spreads, accepted.widest_um, 0.0)
     return p.Gates(
-        min_score=_min_score(tried, chosen),
+        min_score=_min_score(tried, chosen, accepted),
         max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
         max_turn_rad=None,
         max_spread_um=max(widest, tried.case.tolerance_um),
     )
 
 
-def _min_score(tried: Evaluation, chain: ChainScore) -> float:
-    """Return the least score a chain may have: its gate, or what good trials showed.
+def _min_score(tried: Evaluation, chain: ChainScore, accepted: AcceptedRange) -> float:
+    """Return the least score a chain may have: its gate, or what good answers showed.
 
-    A gate that lets all pass is lowered by a margin below the good trials instead.
+    A gate that lets all pass is a margin below the good answers instead, those on
+    better images among them, but refuses the wrong ones that it must.
     """
     mine = tried.comparison.outcomes.by(chain.chain)
     scores = [o.score for o in _good(tried, chain) if o.score is not None]
-    usual = SCORE_MARGIN * min(scores, default=0.0)
+    usual = SCORE_MARGIN * min([*scores, accepted.least_score]) if scores else 0.0
     gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
-    return usual if gate is None or not gate.lost else max(usual, gate.min_score)
+    if gate is None:
+        return usual
+    return max(usual, gate.min_score if gate.lost else gate.refuses)
 
 
 def _good(tried: Evaluation, chain: ChainScore) -> list[Outcome]:

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from microplan.featuresel.trials.chains import Chain
-from microplan.planner.looks.model_errors.model_cost import EffectDifference
+from microplan.planner.looks.model_errors.model_cost import (
+    AcceptedRange,
+    EffectDifference,
+)
 from microplan.schemas import plan as p
 
 
@@ -20,4 +23,7 @@ class ChargedChains:
     fault: str = ""  # why the look cannot be charged; "": it can
     # why each chain is not used that the look would have used else, in that order
     struck: Mapping[Chain, str] = field(default_factory=dict)
+    # of right answers on better images
+    accepted: AcceptedRange = field(default_factory=AcceptedRange)
+    fallback_accepted: AcceptedRange = field(default_factory=AcceptedRange)
     missed: str = ""  # by what the chain misses its tolerance; "": it does not

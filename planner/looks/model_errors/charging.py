@@ -20,6 +20,7 @@ from microplan.planner.looks.model_errors.chain_differences import (
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.looks.model_errors.effect_rows import open_effects
 from microplan.planner.looks.model_errors.model_cost import (
+    AcceptedRange,
     EffectDifference,
     model_cost,
 )
@@ -183,4 +184,8 @@ def _charges(
         fallback=model_cost(spare[0]) if spare else None,
         rows={name: each for each in own for name in each.model.effects},
         struck=struck,
+        accepted=AcceptedRange.of(each.accepted for each in own),
+        fallback_accepted=AcceptedRange.of(
+            each.accepted for chain in spare for each in chain
+        ),
     )

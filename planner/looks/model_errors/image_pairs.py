@@ -41,6 +41,8 @@ class PairedAnswer:
     off_um: tuple[float, float] | None
     turn_rad: float | None  # None: no angle is measured
     failure: str  # of the better image where the other one is answered; "": none
+    score: float | None  # of the better image, where both answer
+    spread_um: float | None  # that the chain states of itself then
     image_error: float  # largest difference of the images, share of full scale
 
 
@@ -119,7 +121,7 @@ def _answer(
     """Return the difference of two answers at a model's end in a trial."""
     before, after = pair
     model, end = where
-    off, turn, failure = None, None, ""
+    off, turn, failure, score, spread_um = None, None, "", None, None
     one, other = before.target_um, after.target_um
     if one is not None and not is_wrong(case, before):
         if other is None or is_wrong(case, after):
@@ -127,10 +129,12 @@ def _answer(
         else:
             off = (other[0] - one[0], other[1] - one[1])
             turn = _turned(case, before, after)
+            score, spread_um = after.score, after.spread_um
     return PairedAnswer(
         chain=before.chain, model=model, end=end, trial=trial.index,
         at_um=(trial.dx_um, trial.dy_um), off_um=off,
-        turn_rad=turn, failure=failure, image_error=image_error,
+        turn_rad=turn, failure=failure, score=score, spread_um=spread_um,
+        image_error=image_error,
     )  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import special
@@ -37,6 +37,23 @@ class AnswerShift:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AcceptedRange:
+    """What right answers on better images say of themselves, at the extremes."""
+
+    least_score: float = math.inf
+    widest_um: float = 0.0  # standard deviation
+
+    @classmethod
+    def of(cls, ranges: Iterable[AcceptedRange]) -> AcceptedRange:
+        """Return what holds all of some."""
+        found = tuple(ranges)
+        return cls(
+            least_score=min((r.least_score for r in found), default=math.inf),
+            widest_um=max((r.widest_um for r in found), default=0.0),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EffectDifference:
     """What one better model changes of a chain's answers."""
 
@@ -44,6 +61,7 @@ class EffectDifference:
     place: AnswerShift  # um, both axes of the target's frame
     turn: AnswerShift | None  # rad; None: no angle is measured
     image_error: float  # largest difference of the images, share of full scale
+    accepted: AcceptedRange = field(default_factory=AcceptedRange)
 
     @property
     def cost(self) -> EffectCost:
@@ -95,6 +113,14 @@ def effect_difference(
         place=difference(places, at_um, is_apart=apart),
         turn=difference(turns, at_um, is_apart=apart) if full else None,
         image_error=max(a.image_error for a in answers),
+        accepted=AcceptedRange(
+            least_score=min(
+                (a.score for a in answers if a.score is not None), default=math.inf
+            ),
+            widest_um=max(
+                (a.spread_um for a in answers if a.spread_um is not None), default=0.0
+            ),
+        ),
     )
 
 
