@@ -95,8 +95,8 @@ def test_failures_aloud_do_not_matter(look: Look) -> None:
 
 def _gate(min_score: float) -> Gate:
     return Gate(
-        min_score=min_score, refuses=0.0, max_spread_um=math.inf, silent=0, silent_upper=0.0,
-        kept=0, lost=0, loss=0.0,
+        min_score=min_score, refuses=0.0, max_spread_um=math.inf, silent=0,
+        silent_upper=0.0, kept=0, lost=0, loss=0.0,
     )  # fmt: skip
 
 
