@@ -13,7 +13,12 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """Return a function of arrays and numbers, compiled for their types.
 
-    The code is kept beside the module for later processes; the same operations in the
-    same order as in Python.
+    The code is kept beside the module, or in the user's cache, for later processes.
+    Numbers of other modules that it uses must come as arguments: kept code does not
+    notice that they change.
     """
-    return cast(F, njit(cache=True, error_model="numpy")(function))
+    try:
+        made = njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # no folder to keep it in can be written
+        made = njit(error_model="numpy")(function)
+    return cast(F, made)

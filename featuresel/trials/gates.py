@@ -20,7 +20,8 @@ class Gate:
     """What an answer must meet to be believed, and what that costs."""
 
     min_score: float
-    refuses: float  # wrong answers at and below this score: what may not pass
+    refuses: float  # no score below this may pass: wrong answers have it
+    cap_um: float  # no larger standard deviation may pass; inf: any
     max_spread_um: float  # of the chain's own standard deviation; inf: any
     silent: int  # wrong answers that still pass
     silent_upper: float  # of their rate per look, one-sided
@@ -124,7 +125,7 @@ def _gate(
     if allowed < len(bad):
         refused = np.sort(bad[:, 0])[::-1][allowed]
         least = _above(refused, np.concatenate((good[:, 0], bad[:, 0])))
-    good, refuses = good[good[:, 0] >= least], least
+    good, refuses, widest = good[good[:, 0] >= least], least, cap_um
     if len(good):
         least = max(least, _below(good[:, 0]))
         cap_um = min(cap_um, -_below(-good[:, 1]))
@@ -133,6 +134,7 @@ def _gate(
     return Gate(
         min_score=float(least),
         refuses=float(refuses),
+        cap_um=float(widest),
         max_spread_um=float(cap_um),
         silent=silent,
         silent_upper=failure_upper(min(allowed, len(bad)), trials, level),

@@ -11,7 +11,7 @@ from microplan.featuresel.limits.resolution import contrast, spurious_um
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
-from microplan.featuresel.trials.gates import choose_gate
+from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.repeatability import Repeated
 from microplan.featuresel.trials.score import ChainScore
@@ -186,30 +186,34 @@ def _gates(tried: Evaluation, chosen: ChainScore, accepted: AcceptedRange) -> p.
 
     Those of trials, and on better images.
     """
-    good = _good(tried, chosen)
+    good, gate = _good(tried, chosen), _gate(tried, chosen)
     spreads = [o.spread_um for o in good if o.spread_um is not None]
     widest = SPREAD_MARGIN * max(*spreads, accepted.widest_um, 0.0)
+    cap_um = math.inf if gate is None else gate.cap_um
     return p.Gates(
         min_score=_min_score(tried, chosen, accepted),
         max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
         max_turn_rad=None,
-        max_spread_um=max(widest, tried.case.tolerance_um),
+        max_spread_um=min(max(widest, tried.case.tolerance_um), cap_um),
     )
 
 
 def _min_score(tried: Evaluation, chain: ChainScore, accepted: AcceptedRange) -> float:
-    """Return the least score a chain may have: its gate, or what good answers showed.
+    """Return the least score a chain may have: a margin below the good answers.
 
-    A gate that lets all pass is a margin below the good answers instead, those on
-    better images among them, but refuses the wrong ones that it must.
+    Those on better images are among them. Wrong answers in trials are refused as far as
+    the limit of undetected failures asks for.
     """
-    mine = tried.comparison.outcomes.by(chain.chain)
     scores = [o.score for o in _good(tried, chain) if o.score is not None]
     usual = SCORE_MARGIN * min([*scores, accepted.least_score]) if scores else 0.0
-    gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
-    if gate is None:
-        return usual
-    return max(usual, gate.min_score if gate.lost else gate.refuses)
+    gate = _gate(tried, chain)
+    return usual if gate is None else max(usual, gate.refuses)
+
+
+def _gate(tried: Evaluation, chain: ChainScore) -> Gate | None:
+    """Return what keeps a chain's undetected failures in trials below the limit."""
+    mine = tried.comparison.outcomes.by(chain.chain)
+    return choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
 
 
 def _good(tried: Evaluation, chain: ChainScore) -> list[Outcome]:

@@ -23,7 +23,8 @@ B = TypeVar("B")
 
 # what numbers come from besides our own sources
 _LIBRARIES = (
-    "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
+    "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf", "numba",
+    "llvmlite",
 )  # fmt: skip
 _FUNCTIONS = (FunctionType, MethodType, type)  # `map` itself is a type
 

@@ -50,7 +50,8 @@ GRAIN_UM = 8.0  # planes are computed on boxes of multiples of this, to be used 
 TILE_PX = 220  # larger windows are taken in pieces
 FOCUS_GRAIN_UM = 100.0  # a scene is prepared for a range of focus
 BLURS_UM = (0.5, 10.0, 20.0)  # a plane has room for: a sweep of focus asks for few
-KEPT = 8  # pieces of scenes: a whole frame is up to six
+KEPT = 4  # pieces of scenes: as many as the largest region of a look has
+KEPT_PLANES = 2  # of each piece: one takes a quarter of a GiB and more
 MOST_RAYS = 4_000_000  # through a plane's points
 POINT_SHARE = 1.5  # cells of a plane's lattice to a point of it that is computed
 
@@ -134,7 +135,7 @@ class PhotographedScene:
         self._pictures: dict[tuple[float | None, int], RayPicture] = {}
         self._solids: dict[float | None, Solids] = {}
         self._lights: dict[float | None, FaceLight] = {}
-        self._planes: dict[tuple[float, Box], SharpPlane] = {}
+        self._planes: OrderedDict[tuple[float, Box], SharpPlane] = OrderedDict()
 
     def picture(
         self, pixels: FieldMap, view: ImagingView, focus_um: float
@@ -211,6 +212,9 @@ class PhotographedScene:
             self._planes[key] = sharp_plane(
                 self._picture(at_um, points), at_um, key[1], SKIRT_UM, self._sampling
             )
+            while len(self._planes) > KEPT_PLANES:
+                self._planes.popitem(last=False)
+        self._planes.move_to_end(key)
         return self._planes[key]
 
     def _spacing(

@@ -94,7 +94,7 @@ def _seen_by_waves(
     for k in range(len(ways) - 1, -1, -1):
         power = wave.real**2 + wave.imag**2
         seen += met[k].means(power)[1]
-        free = 1 - met[k].covers
+        free = np.maximum(1 - met[k].covers, 0)  # bodies side by side round up
         if k == 0:
             rest = float(power.ravel() @ free.ravel())
         else:

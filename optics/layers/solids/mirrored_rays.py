@@ -53,7 +53,7 @@ class _Flight:
 
     def risen(self, few: IntArray, mirrors: float) -> _Flight:
         """Return some of the rays after a mirror."""
-        rays = self.rays[:, few]
+        rays = self.rays.take(few, axis=1)
         rays[6] *= mirrors
         return _Flight(
             rays=rays,

@@ -25,16 +25,19 @@ _FAINT = 0.005  # of the light
 _PASSED_UM = 1e-3  # heights this close are one
 _RIM = 1.001  # steps from the end of a grid: four points lie about each place
 # columns of what is known of each body
-_FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS = range(10)
+_FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS, _STEP, _FAR = range(
+    12
+)
 
 
 def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
     """Return all grids of distances, (N,) um, and what else is known of bodies.
 
-    (bodies, 10): where its grid begins, columns and rows; cosine and sine in grid
-    steps, the grid's own place; top, underside, um; what its walls reflect.
+    (bodies, 12): where its grid begins, columns and rows; cosine and sine in grid
+    steps, the grid's own place; top, underside, um; what its walls reflect; the grid's
+    step, and how far its distances go, um.
     """
-    numbers = np.empty((len(bodies), 10))
+    numbers = np.empty((len(bodies), 12))
     first = 0
     for row, body in zip(numbers, bodies, strict=True):
         field = body.distance
@@ -43,7 +46,7 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
         row[:] = (
             first, columns, rows, c / STEP_UM, s / STEP_UM,
             -(c * x + s * y + u) / STEP_UM, -(c * y - s * x + v) / STEP_UM,
-            body.top_um, body.under_um, body.wall_reflectance,
+            body.top_um, body.under_um, body.wall_reflectance, STEP_UM, BEYOND_UM,
         )  # fmt: skip
         first += field.values.size
     grids = [body.distance.values.ravel() for body in bodies]
@@ -72,7 +75,7 @@ def _normal(
     grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
 ) -> tuple[float, float]:
     """Return the unit vector outwards of the nearest edge at a place."""
-    h = 2 * STEP_UM
+    h = 2 * bodies[k, _STEP]
     nx = _distance(grids, bodies, k, x + h, y) - _distance(grids, bodies, k, x - h, y)
     ny = _distance(grids, bodies, k, x, y + h) - _distance(grids, bodies, k, x, y - h)
     length = max(math.hypot(nx, ny), 1e-6)
@@ -254,7 +257,7 @@ def _go_on(
             continue
         clear, above = off[k], (z - bodies[k, _TOP]) * slope
         if above > 0:
-            clear = max(above, min(clear, BEYOND_UM))
+            clear = max(above, min(clear, bodies[k, _FAR]))
         away = min(away, max(clear, _LEAST_UM))
     ray[0] += away * ray[3]
     ray[1] += away * ray[4]

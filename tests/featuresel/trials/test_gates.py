@@ -72,6 +72,16 @@ def test_a_wrong_answer_shuts_the_gate_above_it(look: Look) -> None:
     assert lax.silent_upper == failure_upper(1, 102, 0.975) <= 0.06
 
 
+def test_a_gate_refuses_wrong_answers_alone(look: Look) -> None:
+    """What right answers score on other images may lie lower than all in trials."""
+    right = answers(list(np.linspace(0.7, 0.9, 101)), right=True)
+    none = sure(choose_gate(look("post"), right, silent_limit=0.05))
+    assert (none.refuses, none.cap_um) == (0.0, math.inf)
+    low = answers([0.3], right=False)
+    some = sure(choose_gate(look("post"), right + low, silent_limit=0.01))
+    assert 0.3 < some.refuses <= some.min_score < 0.7
+
+
 def test_a_spread_beyond_the_tolerance_tells_wrong_answers_apart(look: Look) -> None:
     right = answers([0.5 + 0.004 * k for k in range(100)], right=True)
     outcomes = right + answers([0.95], right=False, spread_um=1.5)
@@ -95,8 +105,8 @@ def test_failures_aloud_do_not_matter(look: Look) -> None:
 
 def _gate(min_score: float) -> Gate:
     return Gate(
-        min_score=min_score, refuses=0.0, max_spread_um=math.inf, silent=0,
-        silent_upper=0.0, kept=0, lost=0, loss=0.0,
+        min_score=min_score, refuses=0.0, cap_um=math.inf, max_spread_um=math.inf,
+        silent=0, silent_upper=0.0, kept=0, lost=0, loss=0.0,
     )  # fmt: skip
 
 

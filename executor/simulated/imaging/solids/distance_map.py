@@ -125,7 +125,7 @@ def _clip(places: Reals, most: float) -> None:
     np.minimum(places, most, out=places)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def distance_map(outline: PlaneOutline, near: Box | None = None) -> DistanceMap:
     """Return an outline's map; `near` crops it, in the body's frame."""
     x0, y0, x1, y1 = outline.box
