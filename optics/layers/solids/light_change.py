@@ -112,7 +112,7 @@ def _share(
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0
-        sums = mirrored(turned, nothing, sky, ceiling_um, outside).sum(axis=0)
+        sums = mirrored(turned, nothing, sky, ceiling_um, outside)
         found += sums / few.across.size
     return found.reshape(lattice.shape)
 

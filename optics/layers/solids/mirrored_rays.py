@@ -6,8 +6,9 @@ a ball between cushions.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -69,6 +70,9 @@ def mirrored(
     floor: RayEnd | None,
     floor_um: float,
     rays: Rays,
+    *,
+    above_um: float = -math.inf,
+    below_um: float = math.inf,
 ) -> FloatArray:
     """Return what rays see after walls have mirrored them, summed over slopes.
 
@@ -82,22 +86,21 @@ def mirrored(
         What the plane below everything sends back, and its height.
     rays : Rays
         Through the points.
+    above_um, below_um : float
+        Between which heights the first wall is met.
 
     Returns
     -------
-    (2, points) float64 array
+    (points,) float64 array
         Sums of each mirrored ray's reflectances times what it meets at last, shares of
-        full scale: of rays whose first wall is met above the plane that they start
-        from, and below.
+        full scale.
     """
-    count = rays.x_um.shape[0]
-    total = np.zeros(2 * count)
+    total = np.zeros(rays.x_um.shape[0])
     first, whose = _first_met(bodies, floor_um, rays)
-    flight = _started(first, whose, rays)
-    is_below = flight.rays[2] <= 0
-    flight = replace(flight, points=flight.points + count * is_below)
+    kept = (first > above_um) & (first <= below_um)
+    flight = _started(first, np.where(kept, whose, -1), rays)
     _fly(flight, bodies, lights, floor, floor_um, total)
-    return total.reshape(2, count)
+    return total
 
 
 def raised(

@@ -96,7 +96,7 @@ def mirrored_view(
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     above, below = np.zeros((2, rays.x_um.shape[0]))
     if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
-        above += mirrored(bodies, *_ends(faces, plane, plane_um), rays)[0]
+        above += mirrored(bodies, *_ends(faces, plane, plane_um), rays, above_um=0.0)
     beside = rays_outside([body for body in bodies if is_cut(body)], rays)
     sharp = []
     for face in faces:
@@ -127,7 +127,7 @@ def mirrored_below(
     count = mirrored_rays(lattice)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     outside = rays_outside([body for body in bodies if body.is_sharp], rays)
-    _, found = mirrored(bodies, *_ends(faces, plane, plane_um), outside)
+    found = mirrored(bodies, *_ends(faces, plane, plane_um), outside, below_um=0.0)
     for face in faces:
         if not face.body.is_sharp and face.body.top_um <= 0:
             found += raised(bodies, face.body, face.sends.mirrors, outside)
