@@ -18,6 +18,7 @@ from microplan.featuresel.features.factorial_design import (
     words,
 )
 from microplan.featuresel.look.scenario import LookCase, TrialSpread
+from microplan.featuresel.look.unknown_surfaces import unknown_bodies
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 
 _EVERY = 4  # each fourth trial is a corner, whatever their number
@@ -49,6 +50,8 @@ class Trial:
     noise: float = 1.0  # times the sensor's
     turns_rad: tuple[float, ...] = ()  # of each of the spread's `turning`
     line: float = 0.5  # where lines of edges lie within their rounding, 0..1
+    # of each of the look's unknown bodies, shares of wall and finish; () leaves them
+    surfaces: tuple[tuple[float, float], ...] = ()
     corner: bool = False  # of what is tried: it decides no sigma and no bias
 
 
@@ -249,7 +252,8 @@ def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
             float(sign[15] > 0),
         ),
     )
-    return replace(found, corner=True)
+    ends = tuple((round(wall), round(finish)) for wall, finish in found.surfaces)
+    return replace(found, corner=True, surfaces=ends)
 
 
 def _trial(
@@ -288,6 +292,7 @@ def _trial(
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),
         line=case.line_at(generator(root, f"{case.key}/line {index}").random()),
+        surfaces=_surfaces(case, index, root),
     )
 
 
@@ -347,4 +352,13 @@ def _turns(
         else what.sigma_theta_rad
         * float(truncnorm.ppf(at, -DRAWN_SIGMAS, DRAWN_SIGMAS))
         for what, at in zip(spread.turning, points, strict=True)
+    )
+
+
+def _surfaces(case: LookCase, index: int, root: int) -> tuple[tuple[float, float], ...]:
+    """Return what walls and faces reflect, every body for itself, uniformly."""
+    rng = generator(root, f"{case.key}/surfaces {index}")
+    return tuple(
+        (float(wall), float(finish))
+        for wall, finish in rng.random((len(unknown_bodies(case.surfaces)), 2))
     )

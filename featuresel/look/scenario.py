@@ -129,7 +129,7 @@ class LookCase:
     spread: TrialSpread  # what is tried: corners, usable ranges, what routines allow
     # the workcell's own, which sigma and bias are promised for; None: the same
     stated: TrialSpread | None = None
-    # walls and faces by a thick body near the line of sight; trials take none of them
+    # walls and faces by a thick body near the line of sight
     surfaces: tuple[UnknownSurface, ...] = ()
 
     def __post_init__(self) -> None:

@@ -3,31 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.perturb import WALLS
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.unknown_surfaces import End, surfaced
+from microplan.featuresel.look.unknown_surfaces import (
+    Shares,
+    drawn_surfaces,
+    unknown_bodies,
+)
 from microplan.featuresel.routines.contract import LookModel, SurfaceChange
 
 # Places of the target, on a circle; the first three are spread round it, too.
 _PLACES, _FEW = 5, 3
 _TURN_RAD = 0.2  # so that edges lie elsewhere between pixels at each of them
 _RADIUS = 1.5  # standard deviations of the pose
+FLAT, DARK, BRIGHT = (None, None), (0.0, None), (1.0, None)
+MIRROR, BOTH = (None, 1.0), (1.0, 1.0)
+
+Places = tuple[tuple[float, float], ...]  # um
+Render = Callable[[LookCase], LookModel]
 
 
-def surface_changes(
-    case: LookCase, render: Callable[[LookCase], LookModel]
-) -> tuple[SurfaceChange, ...]:
+def surface_changes(case: LookCase, render: Render) -> tuple[SurfaceChange, ...]:
     """Return changes of a look's image by all that its surfaces may be.
 
-    Walls as bright as they may be, as dark, faces as much of mirrors as they may be,
-    and what bright walls and mirrors change together beyond their sum. Amounts are the
-    share of the interval, near enough: two walls mirror light to each other, too, which
-    leaves an eighth of it at half the reflectance.
+    All walls as dark as they may be, those of each body as bright instead, the face of
+    each as much of a mirror as it may be, and what all bright walls and mirrors change
+    together beyond their sum. Amounts are the share of the interval, near enough: two
+    walls mirror light to each other, too, which leaves an eighth of it at half the
+    reflectance.
 
     Parameters
     ----------
@@ -39,44 +48,71 @@ def surface_changes(
     if not case.surfaces:
         return ()
     places = _places_um(case)
-    few = places[:_FEW]
+    few, images = places[:_FEW], _Images(case=case, render=render)
+    sigma_um, own = case.spread.occluder_sigma_um, _own_bodies(case)
+    walled = {s.body for s in case.surfaces if s.underside_um is not None}
+    polished = {s.body for s in case.surfaces if s.finish[1] > s.finish[0]}
+    found = [SurfaceChange(places_um=few, shown=images.change(DARK, FLAT, few))]
+    for body in unknown_bodies(case.surfaces):
+        if body in walled:
+            still = body not in own
+            at_um = places if still else few
+            found.append(
+                SurfaceChange(
+                    places_um=at_um,
+                    shown=images.change(BRIGHT, DARK, at_um, of=body),
+                    is_still=still,
+                    body_sigma_um=sigma_um if still else 0.0,
+                )
+            )
+        if body in polished:
+            shown = images.change(MIRROR, FLAT, places, of=body)
+            found.append(SurfaceChange(places_um=places, shown=shown))
+    both = images.change(BOTH, BRIGHT, few) - images.change(MIRROR, FLAT, few)
+    return (*found, SurfaceChange(places_um=few, shown=both))
 
-    plain = render(case)
 
-    def change(of: LookCase, at_um: Sequence[tuple[float, float]]) -> FloatArray:
-        other = render(of)
-        return np.stack(
-            [other(dx_um=x, dy_um=y) - plain(dx_um=x, dy_um=y) for x, y in at_um]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Images:
+    """Images of a look with its surfaces at some shares, each made once."""
+
+    case: LookCase
+    render: Render
+    made: dict[tuple[tuple[Shares, ...], tuple[float, float]], FloatArray] = field(
+        default_factory=dict
+    )
+
+    def change(
+        self, there: Shares, here: Shares, places_um: Places, *, of: str = ""
+    ) -> FloatArray:
+        """Return what other surfaces change, (N, rows, columns): of one body or all."""
+        bodies = unknown_bodies(self.case.surfaces)
+        before = dict.fromkeys(bodies, here)
+        after = {b: there if of in ("", b) else here for b in bodies}
+        return self._at(after, places_um) - self._at(before, places_um)
+
+    def _at(self, shares: Mapping[str, Shares], places_um: Places) -> FloatArray:
+        """Return the images with the target at some places, (N, rows, columns)."""
+        key, case = tuple(shares.values()), self.case
+        still, moving = (
+            drawn_surfaces(layers, case.surfaces, shares)
+            for layers in (case.static, case.moving)
         )
-
-    bright = change(_at_end(case, wall=1), places)
-    dark = change(_at_end(case, wall=0), few)
-    mirror = change(_at_end(case, finish=1), places)
-    both = change(_at_end(case, wall=1, finish=1), few)
-    both -= bright[:_FEW] + mirror[:_FEW]
-    sigma_um = case.spread.occluder_sigma_um
-    return (
-        SurfaceChange(
-            places_um=places, shown=bright, is_still=True, body_sigma_um=sigma_um
-        ),
-        SurfaceChange(places_um=few, shown=dark),
-        SurfaceChange(places_um=places, shown=mirror),
-        SurfaceChange(places_um=few, shown=both),
-    )
+        rough = replace(case.sampling, walls=WALLS)
+        image = self.render(replace(case, static=still, moving=moving, sampling=rough))
+        for x, y in places_um:
+            if (key, (x, y)) not in self.made:
+                self.made[key, (x, y)] = image(dx_um=x, dy_um=y)
+        return np.stack([self.made[key, at] for at in places_um])
 
 
-def _at_end(
-    case: LookCase, *, wall: End | None = None, finish: End | None = None
-) -> LookCase:
-    """Return a look with walls or faces at one end of what they may be."""
-    still, moving = (
-        surfaced(layers, case.surfaces, wall=wall, finish=finish)
-        for layers in (case.static, case.moving)
-    )
-    return replace(case, static=still, moving=moving)
+def _own_bodies(case: LookCase) -> set[str]:
+    """Return the bodies that move with the target."""
+    names = {layer.name for layer in case.moving}
+    return {surface.body for surface in case.surfaces if surface.layer in names}
 
 
-def _places_um(case: LookCase) -> tuple[tuple[float, float], ...]:
+def _places_um(case: LookCase) -> Places:
     """Return displacements of the target, as far as its pose is likely to be off."""
     sigma_um = case.drawn.pose_sigma_xy_um
     far_um = max(_RADIUS * sigma_um, case.microscope.um_per_px)

@@ -1,15 +1,15 @@
-"""Walls and faces of bodies that are known within an interval, at one of its ends."""
+"""Walls and faces of bodies that are known within an interval, as one may be."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from microplan.optics.render.scene import Layer
 
 Interval = tuple[float, float]
-End = Literal[0, 1]  # the least, the most
+# Shares of the intervals of a body's walls and face, 0 the least; None leaves them.
+Shares = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,39 +17,68 @@ class UnknownSurface:
     """What the walls and the face of a layer's body may reflect as mirrors."""
 
     layer: str
+    body: str  # layers of a body have its walls and its finish
     underside_um: float | None  # world height of the body's lower end; None: no walls
     wall: Interval  # reflectance of the walls
     finish: Interval  # share of the face that is a mirror's
+
+
+def unknown_bodies(surfaces: Sequence[UnknownSurface]) -> tuple[str, ...]:
+    """Return the bodies whose surfaces are not known, each once, in order."""
+    return tuple(dict.fromkeys(surface.body for surface in surfaces))
 
 
 def surfaced(
     layers: Sequence[Layer],
     surfaces: Sequence[UnknownSurface],
     *,
-    wall: End | None = None,
-    finish: End | None = None,
+    wall: float | None = None,
+    finish: float | None = None,
 ) -> tuple[Layer, ...]:
-    """Return layers with walls, faces or both at one end; None leaves them."""
+    """Return layers, all of them at the same shares of their intervals."""
+    return _surfaced(layers, surfaces, lambda _: (wall, finish))
+
+
+def drawn_surfaces(
+    layers: Sequence[Layer],
+    surfaces: Sequence[UnknownSurface],
+    shares: Mapping[str, Shares],
+) -> tuple[Layer, ...]:
+    """Return layers at the shares of each one's body."""
+    return _surfaced(layers, surfaces, lambda surface: shares[surface.body])
+
+
+def _surfaced(
+    layers: Sequence[Layer],
+    surfaces: Sequence[UnknownSurface],
+    shares: Callable[[UnknownSurface], Shares],
+) -> tuple[Layer, ...]:
+    """Return layers with the surfaces that are not known at some shares."""
     known = {surface.layer: surface for surface in surfaces}
-    return tuple(_at_end(layer, known, wall, finish) for layer in layers)
+    return tuple(
+        _at(layer, known[layer.name], *shares(known[layer.name]))
+        if layer.name in known
+        else layer
+        for layer in layers
+    )
 
 
-def _at_end(
-    layer: Layer,
-    known: Mapping[str, UnknownSurface],
-    wall: End | None,
-    finish: End | None,
+def _at(
+    layer: Layer, surface: UnknownSurface, wall: float | None, finish: float | None
 ) -> Layer:
-    """Return one layer as `surfaced` has it."""
-    surface = known.get(layer.name)
-    if surface is None:
-        return layer
+    """Return one layer at its shares."""
     if finish is not None:
-        layer = replace(layer, finish=surface.finish[finish])
+        layer = replace(layer, finish=_between(surface.finish, finish))
     if wall is None or surface.underside_um is None:
         return layer
     return replace(
         layer,
         underside_um=surface.underside_um,
-        wall_reflectance=surface.wall[wall],
+        wall_reflectance=_between(surface.wall, wall),
     )
+
+
+def _between(interval: Interval, share: float) -> float:
+    """Return the value at a share of an interval, its ends to the bit."""
+    low, high = interval
+    return low + share * (high - low) if share < 1 else high

@@ -57,7 +57,6 @@ def render_coaxial(
     also: Sequence[Covered] = (),
     under: Sequence[Irradiance] | None = None,
     sampling: Sampling = _USUAL,
-    finer: float = 1.0,
 ) -> FloatArray:
     """Return the noise-free image of a scene in coaxial light.
 
@@ -71,8 +70,6 @@ def render_coaxial(
     under : sequence of Irradiance, optional
         The light that the layers of `also` leave at every height that is seen, by
         `microplan.optics.layers.coaxial_light.irradiances`. Default: it is computed.
-    finer : float
-        So many times closer than usual are the points from which walls are traced.
 
     Returns
     -------
@@ -108,7 +105,7 @@ def render_coaxial(
     image, *more = (
         _image(
             part, focus_um=focus_um, lamp_aperture=lamp_aperture, model=model,
-            frame=frame, shift_um=shift_um, under=under, sampling=sampling, finer=finer,
+            frame=frame, shift_um=shift_um, under=under, sampling=sampling,
         )
         for part in lit_parts(whole, lamp_aperture, blurred)
     )  # fmt: skip
@@ -128,7 +125,6 @@ def _image(
     shift_um: tuple[float, float],
     under: Sequence[Irradiance] | None,
     sampling: Sampling,
-    finer: float,
 ) -> FloatArray:
     """Return an image in light of gain 1; mirrors send light to all its rays."""
     scene, microscope = part.scene, part.microscope
@@ -151,7 +147,9 @@ def _image(
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
     if lamp_aperture is not None:
-        faces = _shaded(scene, view, everything, fresh, under, lamp_aperture, finer)
+        faces = _shaded(
+            scene, view, everything, fresh, under, lamp_aperture, sampling.walls
+        )
         faces = _with_images(faces, view, [c.layer for c in everything], sampling)
     patches = [
         c.patch(view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None)
@@ -160,10 +158,12 @@ def _image(
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
-    far_light = partial(solid_share, [c.layer for c in everything], lamp=lamp)
+    far_light = partial(
+        solid_share, [c.layer for c in everything], lamp=lamp, finer=sampling.walls
+    )
     for change in (
         view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces, far_light, finer=finer),
+        wall_residual(view, scene, everything, faces, far_light, finer=sampling.walls),
     ):
         if change is not None:
             image += change

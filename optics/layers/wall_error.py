@@ -8,6 +8,7 @@ import numpy as np
 
 from microplan.optics.layers.shading import render_coaxial, shade_error
 from microplan.optics.render.fidelity import rounded_up
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 
@@ -44,7 +45,7 @@ def wall_error(
             focus_um=focus_um,
             lamp_aperture=lamp_aperture,
             window=window,
-            finer=finer,
+            sampling=Sampling(walls=finer),
         )
         for finer in (1.0, _FINER)
     )

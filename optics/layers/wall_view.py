@@ -72,7 +72,7 @@ def wall_residual(
         than half a depth of field as such: beside edges near focus what walls hide
         changes fast.
     finer : float
-        So many times closer than usual are points.
+        As `microplan.optics.render.sampling.Sampling.walls`.
     """
     if not is_solid([c.layer for c in covered]):
         return None
@@ -105,7 +105,7 @@ def wall_residual(
     )
     coverage = {id(c.layer): c.coverage for c in covered}
     sharp = [(la, coverage[id(la)]) for la, body in found if body.is_sharp]
-    change, seen_below = solid_view(*args, lattice, m)
+    change, seen_below = solid_view(*args, lattice, m, finer=finer)
     image = _laid(view, change, lattice, sharp)
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
@@ -117,10 +117,11 @@ def wall_residual(
         for z_um, table in tables.items()
     }
     args = *_sending(found, wide, scene.background, floor_um), floor_um - view.focus_um
-    mirrors = mirrored_view(*args, close, m)
+    mirrors = mirrored_view(*args, close, m, finer=finer)
     image += _laid(view, _diffracted(view, mirrors, close), close, sharp)
     free = math.prod(1 - share for _, share in sharp)
-    return image + free * view.at_pixels(mirrored_below(*args, lattice, m), lattice)
+    below = mirrored_below(*args, lattice, m, finer=finer)
+    return image + free * view.at_pixels(below, lattice)
 
 
 def _mirrored_um(view: ShadedView, layers: Sequence[Layer], low_um: float) -> float:

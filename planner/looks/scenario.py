@@ -113,7 +113,7 @@ def build_case(
         spread=spread,
         stated=_stated(task, request, spot, spread),
     )
-    surfaces = unknown_surfaces(case, bodies(task, request.state))
+    surfaces = unknown_surfaces(case, bodies(task, request.state), task.workcell.tools)
     return replace(case, surfaces=surfaces), fidelity
 
 

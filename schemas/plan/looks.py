@@ -56,9 +56,10 @@ class EffectCost:
 
     by: str  # what the better image of a pair has
     pairs: int  # of images that the chain answered both of
-    bias_um: tuple[float, float]  # mean difference of its answers, target's frame
+    # mean difference of its answers, target's frame; 0 of surfaces that trials draw
+    bias_um: tuple[float, float]
     half_width_um: tuple[float, float]  # of that: two-sided 95 %, and of an interval
-    sigma_um: tuple[float, float]  # standard deviation over the poses
+    sigma_um: tuple[float, float]  # standard deviation over the poses; 0 as above
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

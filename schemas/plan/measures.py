@@ -104,6 +104,10 @@ class ModelCost:
     half_width_theta_rad: float | None = None  # of that, as `half_width_um`
     interval_theta_rad: float | None = None  # as `interval_um`
     sigma_theta_rad: float | None = None  # as `sigma_um`
+    # as `half_width_um`, of walls and faces that trials draw: they are in what trials
+    # say, and the lower bound of P(success) alone has them besides, at their worst
+    drawn_um: tuple[float, float] = (0.0, 0.0)
+    drawn_theta_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

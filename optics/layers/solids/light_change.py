@@ -19,6 +19,7 @@ from microplan.optics.layers.solids.solid_bodies import (
     rays_from,
     rays_outside,
     solid_bodies,
+    thinned,
 )
 from microplan.optics.layers.solids.straight_rays import ThickBody, covers, hides
 from microplan.optics.render.scene import Layer
@@ -51,7 +52,7 @@ def solid_light(
     lamp : Microscope
         With the lamp's aperture.
     finer : float
-        So many times closer than usual are the points.
+        As `microplan.optics.render.sampling.Sampling.walls`.
     """
     over = [layer for layer in layers if layer.z_um > z_um]
     if not is_solid(over):
@@ -59,23 +60,29 @@ def solid_light(
     side = max(area[2] - area[0], area[3] - area[1])
     step = max(_FINEST_UM, seen_um / _A_BLUR, side / _SIDE)
     lattice = Lattice.over(area, step / finer)
-    change = _share(over, z_um, lattice, lamp, less_flat=True)
+    change = _share(over, z_um, lattice, lamp, less_flat=True, finer=finer)
     return LightChange(lattice=lattice, change=change)
 
 
 def solid_share(
-    layers: Sequence[Layer], z_um: float, area: Area, lamp: Microscope
+    layers: Sequence[Layer],
+    z_um: float,
+    area: Area,
+    lamp: Microscope,
+    *,
+    finer: float = 1.0,
 ) -> LightTable:
     """Return the light that reaches a height past solid bodies, all over an area.
 
     Arguments as in `solid_light`.
     """
     side = max(area[2] - area[0], area[3] - area[1])
-    lattice = Lattice.over(area, max(_FINEST_UM, side / _SIDE), more=0)
+    lattice = Lattice.over(area, max(_FINEST_UM, side / _SIDE) / finer, more=0)
     over = [layer for layer in layers if layer.z_um > z_um]
     share = np.ones(lattice.shape)
     if over:
-        share = np.clip(_share(over, z_um, lattice, lamp, less_flat=False), 0.0, 1.0)
+        found = _share(over, z_um, lattice, lamp, less_flat=False, finer=finer)
+        share = np.clip(found, 0.0, 1.0)
     return LightTable(lattice=lattice, share=share.astype(np.float32))
 
 
@@ -86,6 +93,7 @@ def _share(
     lamp: Microscope,
     *,
     less_flat: bool,
+    finer: float = 1.0,
 ) -> FloatArray:
     """Return the share of the lamp's light at a lattice's points, (rows, columns).
 
@@ -94,7 +102,7 @@ def _share(
     top_um = max(layer.z_um for layer in over)
     area = _grown(lattice, lamp.blur_diameter_um(top_um - z_um) / 2)
     bodies = [body for _, body in solid_bodies(over, z_um, area, -1.0)]
-    rays, soft = rays_from(lattice, lamp)
+    rays, soft = rays_from(lattice, lamp, finer=finer)
     solid = np.ones((rays.x_um.size, rays.across.size), dtype=np.float32)
     flat = solid.copy()
     for body in bodies:
@@ -108,7 +116,7 @@ def _share(
     if any(body.wall_reflectance > 0 for body in bodies):
         turned = [_turned(body) for body in bodies]
         nothing: list[RayEnd | None] = [None] * len(turned)
-        few, _ = rays_from(lattice, lamp, MIRRORED)
+        few, _ = rays_from(lattice, lamp, thinned(MIRRORED, finer))
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0

@@ -113,17 +113,19 @@ def rays_from(
     count: int | None = None,
     *,
     all_over: bool = False,
+    finer: float = 1.0,
 ) -> tuple[Rays, float]:
     """Return rays through a lattice's points, and their width a um of height.
 
     `all_over`: those of a point lie all over its cell, whose mean they have then.
+    `finer`: below 1, as many times farther apart than usual they are.
     """
     (left, top), step = lattice.corner_um, lattice.step_um
     rows, columns = lattice.shape
     x, y = np.meshgrid(left + step * np.arange(columns), top - step * np.arange(rows))
     if count is None:
         share = max(_SAMPLES // x.size, 1)
-        count = min(max(share, _FEWEST), _MOST)
+        count = thinned(min(max(share, _FEWEST), _MOST), finer)
     tangents = slopes(microscope, count)
     soft = _WIDTH * math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
     rays = rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents)
@@ -133,11 +135,16 @@ def rays_from(
     return rays, soft
 
 
-def mirrored_rays(lattice: Lattice) -> int:
+def mirrored_rays(lattice: Lattice, finer: float = 1.0) -> int:
     """Return how many rays of each point of a lattice are followed past walls."""
     rows, columns = lattice.shape
     side = math.isqrt(_FOLLOWED // (rows * columns))
-    return min(max(side, _SIDES[0]), _SIDES[1]) ** 2
+    return thinned(min(max(side, _SIDES[0]), _SIDES[1]) ** 2, finer)
+
+
+def thinned(rays: int, finer: float) -> int:
+    """Return how many rays there are where they are farther apart: a square number."""
+    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer), 1) ** 2
 
 
 @cache

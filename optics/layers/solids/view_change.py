@@ -43,6 +43,8 @@ def solid_view(
     plane_um: float,
     lattice: Lattice,
     microscope: Microscope,
+    *,
+    finer: float = 1.0,
 ) -> tuple[JointResidual, FloatArray]:
     """Return what walls change of an image, and what bodies in the plane in focus cut.
 
@@ -58,8 +60,10 @@ def solid_view(
         Of the plane below everything, `plane_um` from focus.
     lattice : Lattice
         Points in the plane in focus.
+    finer : float
+        As in `solid_bodies.rays_from`.
     """
-    rays, soft = rays_from(lattice, microscope)
+    rays, soft = rays_from(lattice, microscope, finer=finer)
     solid, flat = (
         _straight(faces, plane, plane_um, rays, soft, walls=walls)
         for walls in (True, False)
@@ -84,6 +88,8 @@ def mirrored_view(
     plane_um: float,
     lattice: Lattice,
     microscope: Microscope,
+    *,
+    finer: float = 1.0,
 ) -> JointResidual:
     """Return what rays add to an image that walls mirror above the plane in focus.
 
@@ -92,7 +98,7 @@ def mirrored_view(
     for what is lost at walls. With it comes what sharp mirror faces send up to walls.
     """
     bodies = [face.body for face in faces]
-    count = mirrored_rays(lattice)
+    count = mirrored_rays(lattice, finer)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     above, below = np.zeros((2, rays.x_um.shape[0]))
     if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
@@ -116,6 +122,8 @@ def mirrored_below(
     plane_um: float,
     lattice: Lattice,
     microscope: Microscope,
+    *,
+    finer: float = 1.0,
 ) -> FloatArray:
     """Return what rays add to an image that meet their first wall below focus.
 
@@ -124,7 +132,7 @@ def mirrored_below(
     walls.
     """
     bodies = [face.body for face in faces]
-    count = mirrored_rays(lattice)
+    count = mirrored_rays(lattice, finer)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     outside = rays_outside([body for body in bodies if body.is_sharp], rays)
     found = mirrored(bodies, *_ends(faces, plane, plane_um), outside, below_um=0.0)

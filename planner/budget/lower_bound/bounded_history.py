@@ -107,16 +107,17 @@ def bias_um(seen: PastMeasurement | None, doubt: float) -> float:
 def model_bias_um(seen: PastMeasurement | None, doubt: float) -> float:
     """Return how far the bias by errors of images may be from the one taken off, um.
 
-    What is only known between two ends counts as it is.
+    What is only known between two ends counts as it is; walls and faces that trials
+    draw at their worst.
     """
     cost = None if seen is None else seen.model_cost
     if cost is None:
         return 0.0
     factor = half_width_factor(cost.freedom + 1, doubt)
-    pairs = zip(cost.half_width_um, cost.interval_um, strict=True)
+    axes = zip(cost.half_width_um, cost.interval_um, cost.drawn_um, strict=True)
     sides = [
-        between + (factor * (half - between) if half > between else 0.0)
-        for half, between in pairs
+        between + drawn + (factor * (half - between) if half > between else 0.0)
+        for half, between, drawn in axes
     ]
     return math.hypot(*sides)
 
@@ -143,4 +144,5 @@ def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
     more = half_width_factor(cost.freedom + 1, doubt) * (
         cost.half_width_theta_rad - between
     )
+    between += cost.drawn_theta_rad or 0.0
     return found_rad + abs(cost.bias_theta_rad or 0.0) + between + more

@@ -46,6 +46,8 @@ class BetterModel:
     ends: tuple[ImageModel, ...]
     # each end at half of the poses; else both at all of them
     alternates: bool = False
+    # whether trials draw what lies between the ends, so that it is in their errors
+    is_drawn: bool = False
     against: LookCase | None = None  # what it is better than; None: the look itself
 
 
@@ -169,6 +171,7 @@ def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         by="solid bodies, their walls as dark and as bright as they may be",
         ends=_ends(case, lambda layer, end: _solid(layer, made, end)),
         alternates=True,
+        is_drawn=bool(case.surfaces),
     )
 
 
@@ -179,6 +182,7 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         effects=(FINISH,),
         by="faces that are dull, and that are mirrors",
         ends=_ends(case, lambda layer, end: _polished(layer, made, end)),
+        is_drawn=bool(case.surfaces),
     )
 
 

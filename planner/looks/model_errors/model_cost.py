@@ -65,14 +65,14 @@ class EffectDifference:
 
     @property
     def cost(self) -> EffectCost:
-        """Return it as the plan has it."""
-        place = self.place
+        """Return it as the plan has it: the errors of trials have what they draw."""
+        place, share = self.place, 0.0 if self.model.is_drawn else 1.0
         return EffectCost(
             by=self.model.by,
             pairs=place.pairs,
-            bias_um=_pair(place.mean),
+            bias_um=_pair(share * place.mean),
             half_width_um=_pair(place.half_width),
-            sigma_um=_pair(place.sigma),
+            sigma_um=_pair(share * place.sigma),
         )
 
 
@@ -244,12 +244,13 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
     """
     if not found:
         return None
-    places, turns = [each.place for each in found], [each.turn for each in found]
-    known = [turn for turn in turns if turn is not None]
-    is_turned = len(known) == len(found)
+    is_turned = all(each.turn is not None for each in found)
+    paid = [each for each in found if not each.model.is_drawn]
+    places, known = _shifts(paid)
+    drawn, drawn_turns = _shifts([each for each in found if each.model.is_drawn])
     return ModelCost(
-        pairs=min(place.pairs for place in places),
-        freedom=min(place.freedom for place in places),
+        pairs=min(each.place.pairs for each in found),
+        freedom=min(each.place.freedom for each in found),
         bias_um=_pair(_sum([place.mean for place in places])),
         half_width_um=_pair(_sum([place.half_width for place in places])),
         interval_um=_pair(_sum([place.interval for place in places])),
@@ -258,7 +259,19 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
         half_width_theta_rad=_one([t.half_width for t in known]) if is_turned else None,
         interval_theta_rad=_one([t.interval for t in known]) if is_turned else None,
         sigma_theta_rad=_one([t.sigma for t in known]) if is_turned else None,
+        drawn_um=_pair(_sum([place.half_width for place in drawn])),
+        drawn_theta_rad=_one([t.half_width for t in drawn_turns])
+        if is_turned
+        else None,
     )
+
+
+def _shifts(
+    found: Sequence[EffectDifference],
+) -> tuple[list[AnswerShift], list[AnswerShift]]:
+    """Return the shifts of places, and of angles where they are measured."""
+    turns = [each.turn for each in found if each.turn is not None]
+    return [each.place for each in found], turns
 
 
 def of_either(one: ModelCost | None, other: ModelCost | None) -> ModelCost | None:
@@ -271,14 +284,16 @@ def of_either(one: ModelCost | None, other: ModelCost | None) -> ModelCost | Non
             (one.half_width_um, other.half_width_um),
             (one.interval_um, other.interval_um),
             (one.sigma_um, other.sigma_um),
+            (one.drawn_um, other.drawn_um),
         )
     ]
-    half, interval, sigma = wider
+    half, interval, sigma, drawn = wider
     return replace(
         one,
         half_width_um=(half[0], half[1]),
         interval_um=(interval[0], interval[1]),
         sigma_um=(sigma[0], sigma[1]),
+        drawn_um=(drawn[0], drawn[1]),
     )
 
 
@@ -294,12 +309,13 @@ def together_cost(
     known = [part for part in parts if part is not None]
     if not known:
         return None
-    half, interval, sigma = (
+    half, interval, sigma, drawn = (
         max(max(value) for value in values)
         for values in (
             [part.half_width_um for part in known],
             [part.interval_um for part in known],
             [part.sigma_um for part in known],
+            [part.drawn_um for part in known],
         )
     )
     turn = 2 / apart_um if apart_um > 0 else None
@@ -315,6 +331,8 @@ def together_cost(
         half_width_theta_rad=_most(own, "half_width_theta_rad", half, turn),
         interval_theta_rad=_most(own, "interval_theta_rad", interval, turn),
         sigma_theta_rad=_most(own, "sigma_theta_rad", sigma, turn),
+        drawn_um=(drawn, drawn),
+        drawn_theta_rad=_most(own, "drawn_theta_rad", drawn, turn),
     )
 
 
@@ -329,8 +347,7 @@ def _most(
 
 
 def _sum(values: Sequence[FloatArray]) -> FloatArray:
-    total: FloatArray = np.sum(values, axis=0)
-    return total
+    return np.sum(values, axis=0) if values else np.zeros(2)
 
 
 def _one(values: Sequence[FloatArray]) -> float:

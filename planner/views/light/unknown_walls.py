@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.scenario import LookCase
@@ -14,7 +14,7 @@ Box = tuple[float, float, float, float]  # least and greatest x and y, um
 
 
 def unknown_surfaces(
-    case: LookCase, bodies: Sequence[Body]
+    case: LookCase, bodies: Sequence[Body], tools: Collection[str] = ()
 ) -> tuple[UnknownSurface, ...]:
     """Return what walls and faces in a look may reflect; none where walls hardly count.
 
@@ -28,6 +28,8 @@ def unknown_surfaces(
         The look.
     bodies : sequence of Body
         All that is in the world.
+    tools : collection of str
+        Owners whose bodies have one surface.
     """
     layers = (*case.static, *case.moving)
     if case.ring is not None or is_clear(layers) or case.treatment == "occluded":
@@ -38,7 +40,7 @@ def unknown_surfaces(
     if not any(_is_by(case, made[name]) for name in others if name in made):
         return ()
     return tuple(
-        _surface(made[layer.name], layer.name, layer.z_um)
+        _surface(made[layer.name], layer.name, layer.z_um, tools)
         for layer in layers
         if layer.name in made
     )
@@ -53,9 +55,13 @@ def by_layer(bodies: Sequence[Body]) -> Mapping[str, Body]:
     }
 
 
-def _surface(body: Body, layer: str, z_um: float) -> UnknownSurface:
+def _surface(
+    body: Body, layer: str, z_um: float, tools: Collection[str]
+) -> UnknownSurface:
+    """Return what is known of a layer's body."""
     return UnknownSurface(
         layer=layer,
+        body=body.owner if body.owner in tools else body.name,
         underside_um=body.z_low_um if body.z_low_um < z_um else None,
         wall=body.surface.wall,
         finish=body.surface.finish,
