@@ -41,8 +41,6 @@ NAMES = ("fit.keyed_feasible", "fit.keyed_seated", "fit.keyed_least_probability"
 # What the example has, and what a bore that is no circle has in its place.
 REDONE = (
     ("notch: {kind: notch, layer: BORE}", ""),
-    # a post with a key is wider: nearer the middle of the field
-    ("view_um: [0, -215]}", "view_um: [0, -208]}"),
     # what is tried is what the workcell and the start say, not more
     ("focus_sigma_um: 4", "focus_sigma_um: 1"),
     ("magnification_sigma: 0.005", "magnification_sigma: 0.002"),

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import re
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import mkdtemp
 
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.presets import PRESETS
@@ -19,6 +22,10 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft"
 ONE_LOOK = "{id: see_post, do: locate, target: shaft_plate.post, view_um: [0, 0]}"
 GRASP = "{id: grasp, do: grasp, target: gear, with: tweezers, opening_um: 96}"
+_DOWN = """\
+  - {id: find_shaft, do: locate, target: shaft_plate.post, view_um: [0, -215]}
+  - {id: over_shaft, do: align, target: shaft_plate.post, to: gear.bore, method: auto}
+"""
 # Less than any preset spends on a look, where its numbers do not matter.
 FEW = replace(PRESETS["fast"], trials=8, random_trials=8, range_draws=1, drift_draws=1)
 
@@ -95,3 +102,22 @@ def microplan(
         text=True,
         check=False,
     )
+
+
+def look_down_the_bore(file: Path) -> None:
+    """Let the post be found in the gear's bore and be brought there by the stage."""
+    text = file.read_text(encoding="utf-8")
+    steps = re.compile(r"(?ms)^  - \{id: aside,.*?(?=^  - \{id: insert,)")
+    fresh, count = steps.subn(_DOWN, text)
+    assert count == 1
+    file.write_text(fresh, encoding="utf-8")
+
+
+@cache
+def down_the_bore() -> Path:
+    """Return the task file of the example that looks down the bore."""
+    folder = Path(mkdtemp())
+    atexit.register(shutil.rmtree, folder)
+    file = copy_example(folder / "task")
+    look_down_the_bore(file)
+    return file

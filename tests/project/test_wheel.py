@@ -151,7 +151,8 @@ def test_the_example_compiles_and_runs_beside_modules_of_the_same_names(
     assert plan == (compiled_example / "plan.json").read_bytes()
     run = _run(
         [installed.bin / "python", "-m", "microplan.executor.cli.main",
-         "plan/plan.json", "--station", "sim", "--seed", "1", "--run-dir", "run"],
+         "plan/plan.json", "--station", "sim", "--camera", "quick", "--seed", "1",
+         "--run-dir", "run"],
         example,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr

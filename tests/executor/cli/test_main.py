@@ -30,7 +30,8 @@ def built(example_run: Path) -> Path:
 
 
 def run(plan: Path, folder: Path, *options: str) -> int:
-    return main([str(plan), "--station", "sim", "--run-dir", str(folder), *options])
+    words = ["--station", "sim", "--camera", "quick", "--run-dir", str(folder)]
+    return main([str(plan), *words, *options])
 
 
 def events(folder: Path) -> list[dict[str, Any]]:

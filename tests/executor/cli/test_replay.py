@@ -55,7 +55,17 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def ran(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a run on the simulated cell."""
     folder = tmp_path_factory.mktemp("runs") / "run"
-    call = [str(built), "--station", "sim", "--seed", "4", "--run-dir", str(folder)]
+    call = [
+        str(built),
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--seed",
+        "4",
+        "--run-dir",
+        str(folder),
+    ]
     with contextlib.redirect_stdout(io.StringIO()):
         assert main(call) == 0
     return folder
@@ -200,7 +210,15 @@ def resumed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     The first in an approach of the alignment, the second after its first look.
     """
     folder = tmp_path_factory.mktemp("runs") / "run"
-    words = [str(built), "--station", "sim", "--run-dir", str(folder)]
+    words = [
+        str(built),
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--run-dir",
+        str(folder),
+    ]
     ends = ['"name": "approach 2"', '"kind": "known"']
     with contextlib.redirect_stdout(io.StringIO()):
         assert ended_at(ends[0], [*words, "--seed", "4"]) == 4
@@ -325,7 +343,17 @@ def test_a_run_that_failed_fails_again_in_the_same_way(
     built: Path, tmp_path: Path, fault: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = tmp_path / "run"
-    call = [str(built), "--station", "sim", "--run-dir", str(run), "--inject", fault]
+    call = [
+        str(built),
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--run-dir",
+        str(run),
+        "--inject",
+        fault,
+    ]
     assert main(call) in (1, 3)
     capsys.readouterr()
     assert again(built, run) == 0
@@ -349,7 +377,15 @@ def test_a_disk_that_fills_by_frames_is_no_other_command(
 
     with monkeypatch.context() as full:
         full.setattr("microplan.executor.record.frames.write_png", fill)
-        call = [str(built), "--station", "sim", "--run-dir", str(run)]
+        call = [
+            str(built),
+            "--station",
+            "sim",
+            "--camera",
+            "quick",
+            "--run-dir",
+            str(run),
+        ]
         assert main(call) == 3
     assert "error[MP863]" in capsys.readouterr().err
     assert not any(row.get("hung") for row in rows(run))

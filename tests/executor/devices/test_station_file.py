@@ -77,7 +77,8 @@ def test_the_example_says_what_the_simulated_cell_is(
 
 def test_a_plan_runs_the_same_through_a_file(built: Path, tmp_path: Path) -> None:
     call = [str(built), "--no-frames", "--run-dir"]
-    assert main([*call, str(tmp_path / "sim"), "--station", "sim"]) == 0
+    same = ["--station", "sim", "--camera", "quick"]  # as the file's, unless it says so
+    assert main([*call, str(tmp_path / "sim"), *same]) == 0
     assert main([*call, str(tmp_path / "file"), "--station", str(EXAMPLE)]) == 0
     sim, file = events(tmp_path / "sim"), events(tmp_path / "file")
     assert [e["event"] for e in sim] == [e["event"] for e in file]

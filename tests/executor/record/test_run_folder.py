@@ -54,7 +54,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def killed_at(plan: Path, folder: Path, text: str, station: str = "sim") -> None:
     """Run a plan in a process of its own that is killed at a line with `text`."""
     words = [str(plan), "--station", station, "--run-dir", str(folder), "--no-frames"]
-    seed = ["--seed", "3"] if station == "sim" else []
+    seed = ["--seed", "3", "--camera", "quick"] if station == "sim" else []
     call = [sys.executable, "-c", KILLED, text, *words, *seed]
     ended = subprocess.run(call, capture_output=True, text=True, check=False)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
@@ -153,7 +153,15 @@ def test_a_file_that_cannot_be_opened_is_no_bug(
     path = copy / name
     path.unlink(missing_ok=True)
     path.write_bytes(b"") if name == "frames" else path.mkdir()
-    words = ["--station", "sim", "--run-dir", str(copy), "--resume"]
+    words = [
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--run-dir",
+        str(copy),
+        "--resume",
+    ]
     status = main([str(built), *words])
     assert code_of(capsys, status) in ("MP863", "MP867")
     shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -250,7 +258,16 @@ def test_at_a_terminal_the_operator_decides_on_a_half_done_insertion(
     stop_half_way(built, copy)
     mine, its = os.openpty()
     os.write(mine, f"{answer}\n".encode())
-    words = [str(built), "--station", "sim", "--run-dir", str(copy), "--no-frames"]
+    words = [
+        str(built),
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--run-dir",
+        str(copy),
+        "--no-frames",
+    ]
     call = [sys.executable, "-m", "microplan.executor.cli.main", *words, "--resume"]
     ended = subprocess.run(
         call, stdin=its, stderr=its, stdout=subprocess.PIPE, text=True, check=False

@@ -32,7 +32,15 @@ BRACKET = (
 
 def run(plan: Path, folder: Path, seed: int, *more: str) -> tuple[int, dict[str, Any]]:
     """Run a plan on the simulated cell; return the exit status and the summary."""
-    call = [str(plan / "plan.json"), "--station", "sim", "--seed", str(seed)]
+    call = [
+        str(plan / "plan.json"),
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--seed",
+        str(seed),
+    ]
     status = microplan.executor.cli.main.main(
         [*call, "--run-dir", str(folder), "--no-frames", *more]
     )

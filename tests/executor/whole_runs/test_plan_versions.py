@@ -113,7 +113,16 @@ def test_another_minor_runs_to_its_end(
     built: Path, tmp_path: Path, change: Callable[[Data], None]
 ) -> None:
     other = changed(built, tmp_path / "other.plan", change)
-    words = ["--station", "sim", "--seed", "3", "--no-frames", "--run-dir"]
+    words = [
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--seed",
+        "3",
+        "--no-frames",
+        "--run-dir",
+    ]
     assert executor([str(other), *words, str(tmp_path / "run")]) == 0
 
 
@@ -140,7 +149,7 @@ def test_what_no_reader_takes_is_said_by_each(
 ) -> None:
     other = str(changed(built, tmp_path / "other.plan", stated(value)))
     run = str(tmp_path / "run")
-    sim = ["--station", "sim"]
+    sim = ["--station", "sim", "--camera", "quick"]
     calls = [
         [*sim, "--run-dir", run], [*sim, "--mode", "check"],
         [*sim, "--mode", "dry-run"],

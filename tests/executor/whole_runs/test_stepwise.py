@@ -61,7 +61,16 @@ def answers(
 
 
 def run(plan: Path, folder: Path) -> int:
-    words = ["--station", "sim", "--run-dir", str(folder), "--no-frames", "--step"]
+    words = [
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--run-dir",
+        str(folder),
+        "--no-frames",
+        "--step",
+    ]
     return main([str(plan), *words])
 
 
@@ -117,7 +126,7 @@ def test_nobody_to_ask_is_a_wrong_call(
     assert run(built, tmp_path / "run") == 2
     assert capsys.readouterr().err.count("error[MP804]: --step needs") == 2
     assert not (tmp_path / "run").exists()
-    check = ["--station", "sim", "--mode", "check", "--step"]
+    check = ["--station", "sim", "--camera", "quick", "--mode", "check", "--step"]
     assert main([str(built), *check]) == 2
 
 

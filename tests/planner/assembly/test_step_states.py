@@ -20,7 +20,15 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
-from tests.planner.examples import EXAMPLE, beyond_notes, change, copy_example, read
+from tests.planner.examples import (
+    EXAMPLE,
+    beyond_notes,
+    change,
+    copy_example,
+    down_the_bore,
+    look_down_the_bore,
+    read,
+)
 
 
 @cache
@@ -43,10 +51,10 @@ def place(step: str, name: str) -> tuple[float, float, float]:
     return found.pose.x_um, found.pose.y_um, found.z_um
 
 
-def test_all_twelve_steps_follow_each_other() -> None:
+def test_all_thirteen_steps_follow_each_other() -> None:
     task, states = example()
     assert list(states) == [step.id for step in task.steps]
-    assert len(states) == 12
+    assert len(states) == 13
     ordered = list(states.values())
     for before, here in pairwise(ordered):
         assert here.before is before.after
@@ -61,7 +69,8 @@ TABLE = [
     ("grasp", (0, 0, 0), (-600, 0, 250), WIDTH_UM, "gear"),
     ("lift", (0, 0, 0), (-600, 0, -10), WIDTH_UM, "gear"),
     ("gear_in_fingers", (0, 0, 0), (-600, 0, -10), WIDTH_UM, "gear"),
-    ("find_shaft", (0, 0, 0), (0, -215, -10), WIDTH_UM, "gear"),
+    ("aside", (0, 400, 0), (-600, 0, -10), WIDTH_UM, "gear"),
+    ("find_shaft", (0, 400, 0), (0, 0, -10), WIDTH_UM, "gear"),
     ("over_shaft", (0, 0, 0), (0, 0, -10), WIDTH_UM, "gear"),
     ("insert", (0, 0, 0), (0, 0, 250), WIDTH_UM, "gear"),
     ("release", (0, 0, 0), (0, 0, 250), 130, None),
@@ -117,7 +126,7 @@ def test_the_gear_slides_in_between_the_fingers_x_first() -> None:
 def test_a_view_moves_the_stage_before_the_look() -> None:
     _, states = example()
     (move,) = states["find_shaft"].moves
-    assert (move.axes, move.to.x_um, move.to.y_um) == ("stage", 0.0, -215.0)
+    assert (move.axes, move.to.x_um, move.to.y_um) == ("stage", 0.0, 0.0)
     assert states["find_gear"].moves == ()  # the gear is there already
     assert [m.axes for m in states["see_fingers"].moves] == ["stage", "robot", "robot"]
     assert states["insert"].moves == ()  # an insertion's moves are its action
@@ -148,7 +157,7 @@ def test_a_turn_swings_the_grip_until_a_look_sees_it(tmp_path: Path) -> None:
 
 
 def test_a_move_of_the_stage_undoes_what_the_servo_pinned() -> None:
-    _, states = example()
+    states = {s.step.id: s for s in unfold(read(down_the_bore()), Report())}
     seen = states["find_shaft"].at_look
     assert seen.pinned == {}
     assert part_sigma_um(seen, "shaft_plate") == pytest.approx(math.hypot(10, 1))
@@ -249,6 +258,7 @@ def test_the_way_out_of_an_approach_fits_what_would_touch(tmp_path: Path) -> Non
     change(jaws, "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102")
     change(lift, "{stage: {z_um: -260}}", "{stage: {z_um: -200}}")
     hints = []
+    look_down_the_bore(lift)
     for file, step in ((jaws, "bring_between"), (lift, "over_shaft")):
         report = Report()
         unfold(read(file), report)

@@ -13,10 +13,9 @@ from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
-from tests.planner.examples import ROOT
+from tests.planner.examples import down_the_bore
 from tests.planner.placed import look, read
 
-GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 WITHIN_UM = 1.45
 
 
@@ -57,7 +56,7 @@ def borne_by(
 
 
 def test_what_an_insertion_bears_of_its_look_gives_just_its_share() -> None:
-    task = read(GEAR)
+    task = read(down_the_bore())
     borne = borne_by(task, seen_in_gear()).admissible_um
     assert borne is not None
     share = share_of_goal(task)
@@ -73,7 +72,7 @@ def test_a_look_is_worth_keeping_until_a_faultless_one_elsewhere_is_as_likely(
     magnification: float,
 ) -> None:
     """The jump of the zoom costs 1 um, whichever other zoom it is."""
-    task = read(GEAR)
+    task = read(down_the_bore())
     found = borne_by(task, seen_in_gear())
     assert found.admissible_um is not None
     assert found.break_even_um is not None
@@ -86,7 +85,7 @@ def test_a_look_is_worth_keeping_until_a_faultless_one_elsewhere_is_as_likely(
 
 
 def test_without_a_jump_another_zoom_is_worth_it() -> None:
-    task = read(GEAR)
+    task = read(down_the_bore())
     optics = task.workcell.optics
     zoom = replace(optics.zoom, parcentric_sigma_um=0.0)
     cell = replace(task.workcell, optics=replace(optics, zoom=zoom))
@@ -96,7 +95,7 @@ def test_without_a_jump_another_zoom_is_worth_it() -> None:
 
 
 def test_nothing_is_borne_where_nobody_asks() -> None:
-    task, seen = read(GEAR), seen_in_gear()
+    task, seen = read(down_the_bore()), seen_in_gear()
     assert (
         borne_by(task, seen, "bring_between") == AdmissibleError()
     )  # no insertion follows

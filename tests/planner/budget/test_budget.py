@@ -31,12 +31,12 @@ from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store
 from microplan.planner.task.task import Task
 from microplan.schemas.plan.verdicts import BudgetAnalysis, Offender
-from tests.planner.examples import EXAMPLE, read
+from tests.planner.examples import down_the_bore, read
 
 
 @pytest.fixture(scope="module")
 def job() -> tuple[Task, tuple[StepState, ...]]:
-    task = read(EXAMPLE / "task.yaml")
+    task = read(down_the_bore())
     return task, unfold(task, Report())
 
 

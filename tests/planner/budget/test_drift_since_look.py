@@ -14,7 +14,7 @@ from microplan.planner.budget.drift_since_look import drift_rows
 from microplan.planner.source.diagnostics import Report
 from microplan.schemas.plan import BudgetRow
 from microplan.schemas.pose import Pose
-from tests.planner.examples import change, copy_example, read
+from tests.planner.examples import change, copy_example, look_down_the_bore, read
 
 SHAFT_LOOK = "  - {id: find_shaft,"
 ROBOT_RAD = math.radians(23.56 / 3600)
@@ -22,7 +22,10 @@ ROBOT_RAD = math.radians(23.56 / 3600)
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    return copy_example(tmp_path / "task")
+    """Return the example that looks down the bore."""
+    found = copy_example(tmp_path / "task")
+    look_down_the_bore(found)
+    return found
 
 
 def sighted(name: str, step: str) -> PastMeasurement:

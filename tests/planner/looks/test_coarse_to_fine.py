@@ -59,7 +59,16 @@ def plan(folder: Path) -> Plan:
 
 def ran(folder: Path, out: Path, seed: int) -> tuple[dict[str, Any], list[Any]]:
     """Return summary and journal of a run that ended well."""
-    words = ["--station", "sim", "--seed", str(seed), "--run-dir", str(out)]
+    words = [
+        "--station",
+        "sim",
+        "--camera",
+        "quick",
+        "--seed",
+        str(seed),
+        "--run-dir",
+        str(out),
+    ]
     assert microplan.executor.cli.main.main([str(folder), *words, "--no-frames"]) == 0
     lines = (out / "events.jsonl").read_text(encoding="utf-8").splitlines()
     return json.loads((out / "summary.json").read_text()), list(map(json.loads, lines))

@@ -50,7 +50,7 @@ def test_the_looks_before_a_keyed_fit_measure_angles(tmp_path: Path) -> None:
     within = align_of(task).tolerance_theta_rad
     assert within is not None
     for index, state in enumerate(states):
-        if state.step.id in ("gear_in_fingers", "over_shaft"):
+        if state.step.id in ("find_shaft", "over_shaft"):
             (look,) = requests(task, states, index, 1.0)
             assert look.needs_angle_rad == pytest.approx(LOOK_SHARE * within)
             shape = shape_of(task, state.at_look, look.target)

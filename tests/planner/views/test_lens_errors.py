@@ -25,6 +25,7 @@ from microplan.planner.views.lens_errors import (
 )
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.target_views import needed_shape, target_pose, views
+from tests.planner.examples import down_the_bore, read
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"
 
@@ -90,8 +91,8 @@ def test_what_is_known_is_in_the_images(task: Task) -> None:
     assert lens_scene(seen, straight.microscope, straight.lens, 0.0) is seen
 
 
-def test_a_held_part_stands_above_at_an_angle_that_trials_vary(task: Task) -> None:
-    found = {}
+def test_a_held_part_stands_above_at_an_angle_that_trials_vary() -> None:
+    found, task = {}, read(down_the_bore())
     for name in ("find_gear", "bring_between", "over_shaft"):
         request = look(task, name)
         view = views(task, request, 6.9, Report())[0]

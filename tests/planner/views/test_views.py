@@ -23,7 +23,7 @@ from microplan.planner.views.targets import TargetShape, shape_of
 from microplan.planner.views.views import SEARCH_SIGMAS, light_level, region_for
 from microplan.planner.views.zooms import in_field, microscope_at
 from microplan.schemas.pose import Pose
-from tests.planner.examples import EXAMPLE, beyond_notes, read
+from tests.planner.examples import EXAMPLE, beyond_notes, down_the_bore, read
 
 LOW = 6.9
 
@@ -201,7 +201,8 @@ def test_a_look_says_once_what_stands_in_its_way_at_any_present_zoom(
     assert all(d.severity == "note" and d.hint for d in said[0])
 
 
-def test_edges_mostly_hidden_are_a_warning(task: Task) -> None:
+def test_edges_mostly_hidden_are_a_warning() -> None:
+    task = read(down_the_bore())
     report, states = Report(), unfold(task, Report())
     look = next(r for i in range(len(states)) for r in requests(task, states, i, None)
                 if r.id == "find_shaft")  # fmt: skip

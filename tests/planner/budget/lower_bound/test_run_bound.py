@@ -28,7 +28,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.fit_angles import unfold_with_angles
 from microplan.schemas.plan import Repeatability, Step, parse_plan
-from tests.planner.examples import EXAMPLE, ROOT, read
+from tests.planner.examples import ROOT, down_the_bore, read
 from tests.planner.placed import look, memory
 from tests.planner.placed import read as read_die
 
@@ -37,7 +37,7 @@ GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
 
 @cache
 def gear() -> tuple[Task, tuple[StepState, ...]]:
-    task = read(EXAMPLE / "task.yaml")
+    task = read(down_the_bore())
     return task, unfold(task, Report())
 
 

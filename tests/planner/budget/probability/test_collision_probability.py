@@ -78,5 +78,5 @@ def test_rows_of_an_action_stay_and_its_chance_falls(tmp_path: Path) -> None:
 
 def test_wide_gaps_and_insertions_cost_nothing() -> None:
     task = read(EXAMPLE / "task.yaml")
-    for name in ("lift", "insert", "retract"):
+    for name in ("lift", "insert"):
         assert with_collisions(task, step_of(task, name), EMPTY_BUDGET) == EMPTY_BUDGET
