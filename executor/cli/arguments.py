@@ -57,8 +57,7 @@ def _add_station(parser: argparse.ArgumentParser) -> None:
         "--camera",
         choices=CAMERAS,
         help="of the simulated cell; solid: bodies with walls, seen by rays and waves "
-        "of its own; quick: the compiler's renderer, which judges no image; default: "
-        "quick",
+        "of its own (default); quick: the compiler's renderer, which judges no image",
     )
 
 

@@ -149,11 +149,12 @@ def _resume(options: RunOptions, file: PlanFile, run: RunFolder) -> int:
     """Go on with the run of a folder."""
     then = run.header
     seed = then.seed if options.seed is None else options.seed
+    seen_by = then.camera or ("quick" if options.station_file is None else None)
     options = replace(
         options,
         seed=seed,
         faults=options.faults or then.faults,
-        camera=options.camera or then.camera,
+        camera=options.camera or seen_by,
     )
     # before a driver is touched
     check_same(header_of(options, file, then.devices), then)

@@ -10,7 +10,7 @@ from pathlib import Path
 from microplan.executor.cli.arguments import build_parser
 from microplan.executor.cli.select_station import SIMULATED
 from microplan.executor.devices.station_file import exists, is_folder
-from microplan.executor.simulated.cameras.kinds import CameraKind
+from microplan.executor.simulated.cameras.kinds import JUDGE, CameraKind
 
 NO_STATION = ("replay", "compare", "report")  # they touch no device
 
@@ -22,7 +22,7 @@ class RunOptions:
     plan_file: Path
     station: str  # "" where the mode needs none
     seed: int | None  # None: 0, or that of the run that is resumed
-    camera: CameraKind | None  # None: quick, or that of the run that is resumed
+    camera: CameraKind | None  # None: the judge, or that of the run that is resumed
     mode: str
     run_dir: Path | None
     frames: bool
@@ -50,6 +50,11 @@ class RunOptions:
     def station_file(self) -> Path | None:
         """Return the station's file, None for the simulated cell."""
         return None if self.station == SIMULATED else Path(self.station)
+
+    @property
+    def simulated_camera(self) -> CameraKind | None:
+        """Return the camera of the simulated cell, None of a station file."""
+        return (self.camera or JUDGE) if self.station_file is None else None
 
 
 def parse(argv: Sequence[str] | None) -> RunOptions:

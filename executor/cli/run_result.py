@@ -104,7 +104,7 @@ def write_summary(
         "plan_sha256": file.sha256,
         "station": site.name,
         "seed": options.seed or 0,
-        "camera": (options.camera or "quick") if options.station_file is None else None,
+        "camera": options.simulated_camera,
         "executors": ended.executors,
         "faults": list(ended.faults),
         "idle_faults": to_data(ended.idle_faults),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station import Station
 from microplan.executor.devices.station_file import read_station
-from microplan.executor.simulated.cameras.kinds import CameraKind
+from microplan.executor.simulated.cameras.kinds import JUDGE, CameraKind
 from microplan.executor.simulated.faults import Faults
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def find_site(
     except ValueError as error:
         raise ExecutorError("MP804", str(error)) from error
     if asked == SIMULATED:
-        return _simulated(plan_folder, seed, faults, camera or "quick", left)
+        return _simulated(plan_folder, seed, faults, camera or JUDGE, left)
     if faults or seed or camera:
         raise ExecutorError(
             "MP804",

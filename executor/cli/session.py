@@ -156,7 +156,7 @@ def header_of(
     `source` are the bytes that the station was made from: the file may be another one
     by now. Without them it is read.
     """
-    station = options.station_file
+    station, camera = options.station_file, options.simulated_camera
     if source is None and station is not None:
         with failing("MP804", station):
             source = station.read_bytes()
@@ -166,7 +166,7 @@ def header_of(
         seed=options.seed or 0,
         faults=options.faults,
         devices=devices,
-        camera=None if options.camera == "quick" else options.camera,
+        camera=None if camera == "quick" else camera,
     )
 
 

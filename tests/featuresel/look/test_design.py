@@ -11,6 +11,7 @@ import pytest
 
 from microplan.featuresel.look.design import Trial, design, random_design, rebuild
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.unknown_surfaces import UnknownSurface
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 
 Look = Callable[[str], LookCase]
@@ -212,3 +213,32 @@ def test_a_trial_is_rebuilt_by_its_number(look: Look) -> None:
     case = wider(look("bore"))
     trials = design(case, 70, 5)
     assert [rebuild(case, 5, k) for k in (0, 3, 69)] == [trials[k] for k in (0, 3, 69)]
+
+
+def test_every_body_has_walls_and_a_face_of_its_own(look: Look) -> None:
+    """Uniform in their intervals, at an end of each in corners; all else stays."""
+    case = look("between")
+    surfaces = tuple(
+        UnknownSurface(
+            layer=layer, body=body, underside_um=0.0, wall=(0.0, 0.9), finish=(0.0, 1.0)
+        )
+        for layer, body in (("part", "part"), ("mark", "part"), ("jaw", "tool"))
+    )
+    known, drawn = (
+        design(case, 512, 3),
+        design(replace(case, surfaces=surfaces), 512, 3),
+    )
+    for one, other in zip(known, drawn, strict=True):
+        assert one.surfaces == ()
+        assert replace(other, surfaces=()) == one
+    inner = np.array([t.surfaces for t in drawn if not t.corner]).reshape(-1, 4)
+    ends = np.array([t.surfaces for t in drawn if t.corner]).reshape(-1, 4)
+    n = len(inner)
+    assert inner.mean(axis=0) == pytest.approx(0.5, abs=4 / math.sqrt(12 * n))
+    assert inner.var(axis=0) == pytest.approx(1 / 12, abs=4 * 0.075 / math.sqrt(n))
+    apart = np.corrcoef(inner.T)[~np.eye(4, dtype=bool)]
+    assert np.abs(apart).max() < 4 / math.sqrt(n)
+    assert set(ends.ravel()) == {0.0, 1.0}
+    assert np.abs(ends.mean(axis=0) - 0.5).max() < 4 * 0.5 / math.sqrt(len(ends))
+    fresh = random_design(replace(case, surfaces=surfaces), 8, 3)
+    assert all(len(t.surfaces) == 2 for t in fresh)

@@ -14,6 +14,10 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import image, noisier, shifted, still, turned
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation, scene
+from microplan.featuresel.look.unknown_surfaces import (
+    UnknownSurface,
+    drawn_surfaces,
+)
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
 from microplan.optics.render.render import render
@@ -160,3 +164,31 @@ def test_noise_is_multiplied_in_the_light_and_in_the_dark(look: Look) -> None:
             math.sqrt(mean / loud.full_well_e), loud.read_noise_e / loud.full_well_e
         )
         assert loud_share == pytest.approx(3 * quiet_share)
+
+
+def test_a_trial_has_the_walls_and_faces_that_it_drew(look: Look) -> None:
+    """As a look that is stated to have them, whose trials draw none."""
+    case = replace(look("bore"), lamp_aperture=0.3)
+    names = [layer.name for layer in (*case.static, *case.moving)]
+    surfaces = tuple(
+        UnknownSurface(
+            layer=name, body=name, underside_um=min(0.0, case.focus_um - 50.0),
+            wall=(0.1, 0.9), finish=(0.0, 0.5),
+        )
+        for name in names
+    )  # fmt: skip
+    (trial,) = design(replace(case, surfaces=surfaces), 1, 5)
+    shares = dict(zip(names, trial.surfaces, strict=True))
+    still, moving = (
+        drawn_surfaces(layers, surfaces, shares)
+        for layers in (case.static, case.moving)
+    )
+    top = moving[0]
+    wall, finish = trial.surfaces[names.index(top.name)]
+    assert top.wall_reflectance == pytest.approx(0.1 + 0.8 * wall)
+    assert top.finish == pytest.approx(0.5 * finish)
+    stated = replace(case, static=still, moving=moving)
+    bare = replace(trial, surfaces=())
+    shown = image(replace(case, surfaces=surfaces), trial)
+    np.testing.assert_array_equal(shown, image(stated, bare))
+    assert np.abs(shown - image(case, bare)).max() > 0.02

@@ -42,8 +42,12 @@ def over_shaft() -> LookCase:
                     pose_sigma_xy_um=POSE_SIGMA_UM)  # fmt: skip
     surfaces = tuple(
         UnknownSurface(
-            layer=layer.name, underside_um=None, wall=(0.0, 0.9), finish=(0.0, 1.0)
-        )
+            layer=layer.name,
+            body=layer.name,
+            underside_um=None,
+            wall=(0.0, 0.9),
+            finish=(0.0, 1.0),
+        )  # fmt: skip
         for layer in (*case.static, *case.moving)
     )
     return on_target(

@@ -166,6 +166,11 @@ def test_what_images_cost_has_ends_of_its_own() -> None:
     assert model_bias_um(seen, 0.05) == pytest.approx(0.05)
     expected = 0.02 + 0.03 * 3.70743 / 2.44691
     assert model_bias_um(seen, 0.01) == pytest.approx(expected, rel=1e-5)
+    drawn = replace(cost, drawn_um=(0.3, 0.0), drawn_theta_rad=2e-3)
+    at_worst = replace(seen, model_cost=drawn)  # walls and faces: no doubt widens them
+    assert model_bias_um(at_worst, 0.01) == pytest.approx(expected + 0.3, rel=1e-5)
+    assert bias_rad(at_worst, 0.01) == pytest.approx(bias_rad(seen, 0.01) + 2e-3)
+    assert bounded(at_worst, 0.01).sigma_um == end.sigma_um
     assert bias_um(seen, 0.05) == pytest.approx(0.005)  # that of the trials stays
     assert bias_rad(seen, 0.05) == pytest.approx(0.003 + 1e-3 + 3e-3)
     assert model_bias_um(None, 0.05) == model_bias_um(look("a", "b", 1.0), 0.05) == 0

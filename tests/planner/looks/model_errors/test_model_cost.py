@@ -129,3 +129,32 @@ def test_a_set_errs_by_no_more_than_its_worst_feature() -> None:
     assert found.half_width_theta_rad is not None
     assert turn <= found.half_width_theta_rad
     assert together_cost([None], 1.0) is None
+
+
+def test_what_trials_draw_is_in_no_bias_and_no_sigma_again() -> None:
+    """Only the lower bound has it besides, at its worst."""
+    rng, where = np.random.default_rng(4), mirrored(np.random.default_rng(5))
+    found = []
+    for is_drawn in (False, True):
+        values = [poses(mean + rng.normal(0, 0.1, (LEAST, 2))) for mean in (0.2, 0.6)]
+        place = difference(values, [poses(where)] * 2, is_apart=False)
+        model = BetterModel(effects=("a",), by="b", ends=(), is_drawn=is_drawn)
+        found.append(
+            EffectDifference(model=model, place=place, turn=None, image_error=0.1)
+        )
+    paid, drawn = found
+    both, alone = model_cost(found), model_cost([paid])
+    assert both is not None
+    assert alone is not None
+    assert replace(both, drawn_um=(0.0, 0.0), pairs=0, freedom=0) == replace(
+        alone, pairs=0, freedom=0
+    )
+    assert both.drawn_um == pytest.approx(tuple(drawn.place.half_width))
+    assert min(both.drawn_um) > 0.2  # half of what the ends differ by
+    assert alone.drawn_um == (0.0, 0.0)
+    assert drawn.cost.bias_um == drawn.cost.sigma_um == (0.0, 0.0)
+    assert drawn.cost.half_width_um == both.drawn_um
+    assert of_either(alone, both) == replace(alone, drawn_um=both.drawn_um)
+    together = together_cost([both, alone], 50.0)
+    assert together is not None
+    assert together.drawn_um == (max(both.drawn_um),) * 2
