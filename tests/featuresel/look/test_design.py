@@ -224,10 +224,8 @@ def test_every_body_has_walls_and_a_face_of_its_own(look: Look) -> None:
         )
         for layer, body in (("part", "part"), ("mark", "part"), ("jaw", "tool"))
     )
-    known, drawn = (
-        design(case, 512, 3),
-        design(replace(case, surfaces=surfaces), 512, 3),
-    )
+    unsure = replace(case, surfaces=surfaces)
+    known, drawn = design(case, 512, 3), design(unsure, 512, 3)
     for one, other in zip(known, drawn, strict=True):
         assert one.surfaces == ()
         assert replace(other, surfaces=()) == one
@@ -240,5 +238,4 @@ def test_every_body_has_walls_and_a_face_of_its_own(look: Look) -> None:
     assert np.abs(apart).max() < 4 / math.sqrt(n)
     assert set(ends.ravel()) == {0.0, 1.0}
     assert np.abs(ends.mean(axis=0) - 0.5).max() < 4 * 0.5 / math.sqrt(len(ends))
-    fresh = random_design(replace(case, surfaces=surfaces), 8, 3)
-    assert all(len(t.surfaces) == 2 for t in fresh)
+    assert all(len(t.surfaces) == 2 for t in random_design(unsure, 8, 3))

@@ -47,7 +47,7 @@ def over_shaft() -> LookCase:
             underside_um=None,
             wall=(0.0, 0.9),
             finish=(0.0, 1.0),
-        )  # fmt: skip
+        )
         for layer in (*case.static, *case.moving)
     )
     return on_target(

@@ -11,6 +11,7 @@ from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import pixel_axes_um
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.layers.wall_error import wall_error
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Scene, Window
 from tests.optics.layers.solids.brute_rays import prism, seen
 from tests.optics.shapes import disc, gear, microscope, rectangle
@@ -268,3 +269,25 @@ def test_a_mirror_below_bodies_one_on_another_is_not_too_bright() -> None:
     rows, columns = np.array(at).T
     apart = image(scene, 250.0)[rows, columns] - traced(scene, at, 250.0, -1.0)
     assert abs(np.mean(apart)) < 2 * 0.0065 / np.sqrt(len(at)) + 0.003
+
+
+@pytest.mark.parametrize("focus_um", [100.0, 250.0])
+def test_points_and_rays_farther_apart_show_walls_a_little_worse(
+    focus_um: float,
+) -> None:
+    """As trials have them: no worse than a camera's noise, and far better than none."""
+    scene = seated(0.6, 0.5)
+    whole = image(scene, focus_um)
+    few = render_coaxial(
+        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
+        sampling=Sampling(walls=0.5),
+    )  # fmt: skip
+    without = image(seated(0.0, 0.0, flat=True), focus_um)
+    off, missed = (np.sqrt(np.mean((each - whole) ** 2)) for each in (few, without))
+    assert 0 < off < 0.01  # full well 10 000: noise is .005 at a quarter of full scale
+    assert missed > 5 * off
+
+
+def test_no_points_are_no_sampling() -> None:
+    with pytest.raises(ValueError, match="walls"):
+        Sampling(walls=0.0)
