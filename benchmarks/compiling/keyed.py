@@ -28,7 +28,6 @@ from benchmarks.compiling.outline_shapes import (
 )
 from benchmarks.executing.runs import perform
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.truth.examples import STATED, state_surfaces
 from microplan.optics.outline.outline import Arc, Edge, Outline
 from microplan.planner.cli.main import main
 from microplan.planner.task.regions.features import dominant_circle
@@ -145,8 +144,6 @@ def compiled(
     """Yield the plans of keyed pairs, and whether a run of each seats the gear."""
     for index, (_, bore, post) in enumerate(keyed_pairs(count, seed)):
         task = write_task(folder / f"{index}", bore, post)
-        # with any walls the images of a keyed post down its bore are not sure enough
-        state_surfaces(task, STATED)
         out = folder / f"{index}.plan"
         options = [
             "--preset",

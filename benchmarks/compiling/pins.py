@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from microplan.optics.outline.offset import offset
 from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import unfold
@@ -89,9 +90,12 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
 
 
 def with_pin(task: Task, pin_um: float) -> Task:
-    """Return the task with another diameter of the post; its outline stays."""
+    """Return the task with another diameter of the post."""
     plate = task.parts["shaft_plate"]
-    post = replace(plate.posts["post"], radius_um=pin_um / 2)
+    drawn = plate.posts["post"]
+    wider_um = pin_um / 2 - drawn.radius_um
+    outline = drawn.outline if wider_um == 0 else offset(drawn.outline, wider_um)
+    post = replace(drawn, radius_um=pin_um / 2, outline=outline)
     parts = {**task.parts, "shaft_plate": replace(plate, posts={"post": post})}
     return replace(task, parts=parts)
 

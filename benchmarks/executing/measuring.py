@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.example import compile_s, given
-from benchmarks.executing.bounds import FRAMES, for_means, limit_p95_um
+from benchmarks.executing.bounds import limit_p95_um
 from benchmarks.executing.looks import Fine, fine_looks
 from benchmarks.figures import Benchmark, Figure, Options
 from microplan.executor.devices.drivers import Camera, Counts, Frame
@@ -40,7 +40,6 @@ LOOKS = (
     "find_gear", "see_fingers", "bring_between", "gear_in_fingers", "find_shaft",
     "over_shaft", "check_seated.target", "check_seated.seat",
 )  # fmt: skip
-DIM = ("over_shaft",)  # where one frame tells less than the aim: means are tried too
 NAMES = (
     "executor.measurement_error_p95_um",
     "executor.measurement_error_plan_p95_um",
@@ -48,7 +47,6 @@ NAMES = (
     *(f"executor.measured.{name}.plan_p95_um" for name in LOOKS),
     *(f"executor.measured.{name}.likelihood_p95_um" for name in LOOKS),
     *(f"executor.measured.{name}.limit_p95_um" for name in LOOKS),
-    *(f"executor.measured.{name}.mean_p95_um" for name in DIM),
 )
 
 
@@ -58,7 +56,6 @@ class Found:
 
     plan: dict[str, list[float]] = field(default_factory=dict)
     fine: dict[str, list[float]] = field(default_factory=dict)
-    mean: dict[str, list[float]] = field(default_factory=dict)  # of several frames
     failed: int = 0  # of the likelihood chain, aloud
 
 
@@ -164,12 +161,6 @@ class _Watching:
         if counts is None or other.look.measure.region != look.measure.region:
             raise RuntimeError(f"{look.id}: another region than the plan's")
         self._note(self._found.fine, self._measured(look, other, counts), look, true)
-        if look.id in DIM:
-            region, camera = look.measure.region, self._camera.camera
-            more = [camera.grab(region, after_s=0.0).counts for _ in range(FRAMES - 1)]
-            quiet = replace(other, artifacts=for_means(other.artifacts))
-            mean = np.mean([counts, *more], axis=0)
-            self._note(self._found.mean, self._measured(look, quiet, mean), look, true)
 
     def _note(
         self,
@@ -267,8 +258,6 @@ def _measure(options: Options) -> Iterator[Figure]:
         yield _one(
             f"measured.{look}.limit_p95_um", limit_p95_um(looks[look].case, SHARE)
         )
-    for look in DIM:
-        yield _one(f"measured.{look}.mean_p95_um", _p95(found.mean, look))
 
 
 def _one(name: str, value: float) -> Figure:

@@ -97,11 +97,11 @@ def at_rest(world: World) -> World:
     )  # fmt: skip
 
 
-def as_tried(world: World, surface: Surface) -> World:
+def as_tried(world: World) -> World:
     """Return a world in which nothing errs that a look's trials leave to the budget."""
     lens = replace(world.optics.lens, distortion_sigma=0.0, scale_sigma_per_um=0.0)
     optics = replace(world.optics, lens=lens)
-    return at_rest(with_surface(replace(world, optics=optics), surface))
+    return at_rest(replace(world, optics=optics))
 
 
 def _exact(axes: WorldAxes) -> WorldAxes:

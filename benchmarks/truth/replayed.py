@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.truth.cell_side import as_tried, put, scenes_of
-from benchmarks.truth.compiler_side import Surface, TrialCase, task_of, trial_cases
-from benchmarks.truth.examples import GEAR, PRESET, STATED, stated_plan
+from benchmarks.truth.compiler_side import TrialCase, trial_cases
+from benchmarks.truth.examples import GEAR, PRESET, long_plan
 from benchmarks.truth.promised import Promise, angles_before, promised
 from microplan.arrays import FloatArray
 from microplan.executor.analysis.pictures import Viewer, viewer
@@ -25,6 +25,8 @@ from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.hub import read_world
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, fuse
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
 from microplan.schemas.files.evidence import LookScene
 from microplan.schemas.plan import Look
 from microplan.schemas.pose import Pose
@@ -70,17 +72,17 @@ class _Judged:
     plan_file: Path
     placed: LookScene
     trial: TrialCase
-    surface: Surface
     angle_sigma_rad: float | None  # of the target's angle; None: nothing measured it
 
 
 def replayed_looks(
-    task_file: Path, plan_file: Path, surface: Surface, pictures: int
+    task_file: Path, plan_file: Path, pictures: int
 ) -> list[ReplayedLook]:
     """Return every look of a plan, measured on so many pictures of the solid camera.
 
     Of each the target's pose, the zoom, the focus, the light's side, the noise, and all
-    other bodies' places are drawn as the plan's own trials have them. What only moves
+    other bodies' places are drawn as the plan's own trials have them, walls and faces
+    by the cell. What only moves
     the whole image is left out, as it is there: the budget has its own terms for it.
     The angle of a part is known as a run knows it then.
     """
@@ -88,13 +90,15 @@ def replayed_looks(
     looks = {look.id: look for step in plan.steps for look in step.looks}
     scenes, angles = scenes_of(plan_file), angles_before(plan)
     artifacts, found = Artifacts.from_folder(plan, plan_file.parent), []
-    for name, trial in trial_cases(task_of(task_file, surface), looks):
+    task = load_task(str(task_file), Report())
+    if task is None:
+        raise RuntimeError(f"{task_file} cannot be read")
+    for name, trial in trial_cases(task, looks):
         judged = _Judged(
             seer=viewer(plan, plan_file.parent, artifacts, name),
             plan_file=plan_file,
             placed=scenes[name],
             trial=trial,
-            surface=surface,
             angle_sigma_rad=angles.get(name),
         )
         promise = promised(looks[name])
@@ -119,7 +123,7 @@ def _error_um(judged: _Judged, promise: Promise, seed: int) -> FloatArray | None
     seer, placed, trial = judged.seer, judged.placed, judged.trial
     look, rng = seer.look, np.random.default_rng([seed, len(placed.look)])
     world = read_world(judged.plan_file.with_name("world.json"))
-    cell = build_cell(as_tried(world, judged.surface), seed, camera="solid")
+    cell = build_cell(as_tried(world), seed, camera="solid")
     put(cell, placed)
     point = _point(cell, look, trial)
     _disturb(cell, look, trial, point, rng)
@@ -251,8 +255,8 @@ def figures(looks: Sequence[ReplayedLook], preset: str) -> Iterator[Figure]:
 
 
 def _measure(options: Options) -> Iterator[Figure]:
-    with stated_plan(GEAR, STATED, options.jobs) as (task_file, plan_file):
-        looks = replayed_looks(task_file, plan_file, STATED, PICTURES)
+    with long_plan(GEAR, options) as plan_file:
+        looks = replayed_looks(GEAR.file, plan_file, PICTURES)
         yield from figures(looks, PRESET)
 
 

@@ -17,9 +17,10 @@ from microplan.featuresel.features.factorial_design import (
     interior,
     words,
 )
+from microplan.featuresel.look.lens_draws import true_lens
 from microplan.featuresel.look.scenario import LookCase, TrialSpread
-from microplan.featuresel.look.unknown_surfaces import unknown_bodies
-from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.featuresel.look.unknown_surfaces import random_shares
+from microplan.optics.lens.lens import LensErrors
 
 _EVERY = 4  # each fourth trial is a corner, whatever their number
 DRAWN_SIGMAS = 4.0  # where normal draws end: .1 % of the variance is left out
@@ -288,53 +289,13 @@ def _trial(
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
         occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
-        lens=_true_lens(case.lens, spread.lens, rest.lens),
+        lens=true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),
         line=case.line_at(generator(root, f"{case.key}/line {index}").random()),
-        surfaces=_surfaces(case, index, root),
-    )
-
-
-def _true_lens(
-    known: LensErrors, doubt: LensErrors, sigmas: Sequence[float]
-) -> LensErrors | None:
-    """Return what a lens truly does, its unknown errors so many sigmas off.
-
-    Parameters
-    ----------
-    known : LensErrors
-        What is known of it; its sigmas are not read.
-    doubt : LensErrors
-        How well: only its sigmas are read. The light's gradient is drawn elsewhere.
-    sigmas : (6,) sequence of float
-        Of distortion, shift in x and y, scale, curvature, edge offset.
-
-    Returns
-    -------
-    LensErrors or None
-        None if nothing is unknown.
-    """
-    spread = (
-        doubt.distortion_sigma,
-        doubt.lateral_sigma,
-        doubt.lateral_sigma,
-        doubt.scale_sigma_per_um,
-        doubt.field_curvature_sigma_per_um,
-        doubt.edge_offset_sigma_um,
-    )
-    if not any(spread):
-        return None
-    off = [float(sigma * many) for sigma, many in zip(spread, sigmas, strict=True)]
-    distortion = known.distortion + off[0]
-    return replace(
-        known,
-        distortion=min(max(distortion, -MAX_DISTORTION), MAX_DISTORTION),
-        lateral_x=known.lateral_x + off[1],
-        lateral_y=known.lateral_y + off[2],
-        scale_per_um=known.scale_per_um + off[3],
-        field_curvature_per_um=known.field_curvature_per_um + off[4],
-        edge_offset_um=known.edge_offset_um + off[5],
+        surfaces=random_shares(
+            case.surfaces, generator(root, f"{case.key}/surfaces {index}")
+        ),
     )
 
 
@@ -352,13 +313,4 @@ def _turns(
         else what.sigma_theta_rad
         * float(truncnorm.ppf(at, -DRAWN_SIGMAS, DRAWN_SIGMAS))
         for what, at in zip(spread.turning, points, strict=True)
-    )
-
-
-def _surfaces(case: LookCase, index: int, root: int) -> tuple[tuple[float, float], ...]:
-    """Return what walls and faces reflect, every body for itself, uniformly."""
-    rng = generator(root, f"{case.key}/surfaces {index}")
-    return tuple(
-        (float(wall), float(finish))
-        for wall, finish in rng.random((len(unknown_bodies(case.surfaces)), 2))
     )

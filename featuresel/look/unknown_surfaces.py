@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from microplan.optics.render.scene import Layer
 
 Interval = tuple[float, float]
@@ -26,6 +28,14 @@ class UnknownSurface:
 def unknown_bodies(surfaces: Sequence[UnknownSurface]) -> tuple[str, ...]:
     """Return the bodies whose surfaces are not known, each once, in order."""
     return tuple(dict.fromkeys(surface.body for surface in surfaces))
+
+
+def random_shares(
+    surfaces: Sequence[UnknownSurface], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
+    """Return shares of walls and face of every body, each for itself, uniformly."""
+    drawn = rng.random((len(unknown_bodies(surfaces)), 2)).tolist()
+    return tuple((wall, finish) for wall, finish in drawn)
 
 
 def surfaced(

@@ -32,8 +32,11 @@ from microplan.planner.looks.measures import (
     measure_record,
 )
 from microplan.planner.looks.model_errors.charging import charged
+from microplan.planner.looks.model_errors.combined_costs import (
+    of_either,
+    together_cost,
+)
 from microplan.planner.looks.model_errors.effect_rows import with_costs
-from microplan.planner.looks.model_errors.model_cost import of_either, together_cost
 from microplan.planner.looks.records import (
     evidence,
     scene_record,

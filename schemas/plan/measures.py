@@ -107,7 +107,7 @@ class ModelCost:
     # as `half_width_um`, of walls and faces that trials draw: they are in what trials
     # say, and the lower bound of P(success) alone has them besides, at their worst
     drawn_um: tuple[float, float] = (0.0, 0.0)
-    drawn_theta_rad: float | None = None
+    drawn_theta_rad: float | None = None  # as `drawn_um`; None: no angle is measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -72,6 +72,8 @@ def test_the_example_of_a_page_leads_to_its_code(
     words = options(code, plan)
     if "--run-dir" not in words:
         words += ["--run-dir", str(tmp_path / "run")]
+    if "sim" in words:
+        words += ["--camera", "quick"]  # the same code, much sooner
     status = main([str(plan), *words, "--seed", "0", "--no-frames"])
     found = re.findall(r"^error\[(\w+)\]", capsys.readouterr().err, re.M)
     assert found == [code]

@@ -98,7 +98,9 @@ def _cut_off(left_um: float, within_um: float, sigma_um: float) -> RadialLaw:
     share[first] = (
         interpolate.CubicSpline(r, per_radius)(fine[first] / math.sqrt(2)) / 2
     )
+    # nothing of it is narrower than the rest: a residual much finer tells nothing
+    scale = max(min(sigma_um, left_um), LEAST_SHARE * sigma_um)
     return RadialLaw(
-        reach_um=reach, scale_um=min(sigma_um, left_um), radius_um=fine,
+        reach_um=reach, scale_um=scale, radius_um=fine,
         log_tail=np.log(np.minimum(tail, 1.0)), per_square=share,
     )  # fmt: skip

@@ -75,8 +75,11 @@ def copy(left: Path, tmp_path: Path) -> Path:
 
 
 def run(plan: Path, folder: Path, *options: str, station: str = "sim") -> int:
+    seen = (
+        ["--camera", "quick"] if station == "sim" and "--camera" not in options else []
+    )
     words = ["--station", station, "--run-dir", str(folder), "--no-frames", *options]
-    return main([str(plan), *words])
+    return main([str(plan), *words, *seen])
 
 
 def code_of(heard: pytest.CaptureFixture[str], status: int) -> str:

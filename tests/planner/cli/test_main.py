@@ -70,7 +70,7 @@ def test_check_says_what_the_task_is(capsys: pytest.CaptureFixture[str]) -> None
     assert main(["check", TASK]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith(
-        "gear-on-shaft: 12 steps, 8 looks, parts gear, shaft_plate\ngear: 100 x"
+        "gear-on-shaft: 13 steps, 8 looks, parts gear, shaft_plate\ngear: 100 x"
     )
     assert "error" not in captured.err
     assert "infeasible" not in captured.err

@@ -131,7 +131,7 @@ def test_a_moved_feature_is_told_in_um_and_sigmas() -> None:
         place["x_um"] += 0.3
         place["y_um"] -= 0.4
 
-    sigma = look(json.loads(TEXT), "gear_in_fingers")["measure"]["sigma_xy_um"]
+    sigma = look(json.loads(TEXT), "over_shaft")["measure"]["sigma_xy_um"]
     ((kind, where, says),) = told(edit)
     assert (kind, where) == ("feature", "features/gear.bore/place_um")
     assert says.startswith("moved 0.5 um, from (0, 0) to (0.3, -0.4)")

@@ -23,7 +23,7 @@ from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import check_tolerances, gain_of, moved_by
 from microplan.schemas.plan import AxisMove
-from tests.planner.examples import change, copy_example, read
+from tests.planner.examples import change, copy_example, look_down_the_bore, read
 
 WITHIN_UM = 1.5
 INSERT = "  - {id: insert, "
@@ -32,7 +32,10 @@ STAGE_UM, ROBOT_UM = 1.0, 0.4  # repeatabilities of the example's workcell
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    return copy_example(tmp_path / "task")
+    """Return the example that looks down the bore: the stage aligns."""
+    found = copy_example(tmp_path / "task")
+    look_down_the_bore(found)
+    return found
 
 
 # at what the alignment moves, before it: finer than the robot

@@ -78,6 +78,6 @@ def test_the_lower_bound_stands_beside_the_probability(
 
 def test_a_focus_sweep_that_is_not_in_the_time_is_named(golden: Plan) -> None:
     said = plan_summary(golden)
-    assert said.endswith("axes 3.03 s; without the focus sweep of check_seated")
+    assert said.endswith("axes 2.86 s; without the focus sweep of check_seated")
     steps = tuple(step for step in golden.steps if step.verb != "verify")
     assert "focus sweep" not in plan_summary(replace(golden, steps=steps))

@@ -188,7 +188,7 @@ def test_a_verification_needs_a_seat(
     report = Report()
     assert load_task(folder / "task.yaml", report) is None
     assert [(f.code, f.message) for f in report.found] == [
-        ("MP102", f"key '{key}' is missing in steps[12] (verify)") for key in missing
+        ("MP102", f"key '{key}' is missing in steps[13] (verify)") for key in missing
     ]
 
 
@@ -403,7 +403,7 @@ def test_the_steepest_light_that_is_read_stays_light() -> None:
 def test_the_example_is_read_as_it_stands(folder: Path) -> None:
     task = load(folder)
     assert [step.verb for step in task.steps] == [
-        "locate", "locate", "align", "grasp", "move", "locate",
+        "locate", "locate", "align", "grasp", "move", "locate", "move",
         "locate", "align", "insert", "release", "move", "verify",
     ]  # fmt: skip
     assert list(task.parts) == ["gear", "shaft_plate"]
@@ -412,7 +412,7 @@ def test_the_example_is_read_as_it_stands(folder: Path) -> None:
     assert task.steps[1].move[2].to.x_um is None
     assert task.workcell.tools["tweezers"].stick_probability == 0
     assert task.where["goal.success_probability"].line == 35
-    assert task.steps[8].spans["speed_um_per_s"].text.count("speed_um_per_s: 20") == 1
+    assert task.steps[9].spans["speed_um_per_s"].text.count("speed_um_per_s: 20") == 1
 
 
 def test_steps_that_state_what_to_do_when_blocked_are_marked(
@@ -422,7 +422,7 @@ def test_steps_that_state_what_to_do_when_blocked_are_marked(
     change(
         folder / "task.yaml", "speed_um_per_s: 20}", f"speed_um_per_s: 20, {search}}}"
     )
-    assert [step.if_blocked for step in load(folder).steps][7:10] == [
+    assert [step.if_blocked for step in load(folder).steps][8:11] == [
         False,
         True,
         False,
@@ -504,7 +504,7 @@ ALONE = "write a number alone: where there is a unit, the key's name ends in it"
         ("layers: [OUTLINE, BORE]", "layers: OUTLINE", "write [OUTLINE]"),
         ("thickness_um: 100", "thickness_um: 100um", "write 100"),
         ("thickness_um: 100", "thickness_um: '1.0e2'", "write 1.0e2"),
-        ("view_um: [0, 0]", "view_um: [0, -1.5 um]", "write -1.5"),
+        ("gear, view_um: [0, 0]", "gear, view_um: [0, -1.5 um]", "write -1.5"),
         ("thickness_um: 100", "thickness_um: .5 \u00b5m", "write .5"),
         ("speed_um_per_s: 20", "speed_um_per_s: 20 s", ALONE),
         ("thickness_um: 100", "thickness_um: 99,5", NO_COMMA),

@@ -132,6 +132,15 @@ def test_a_plan_is_told_by_its_budget_and_bounds(plan: Plan) -> None:
     changes = [look.verdict.change for look in once if look.verdict is not None]
     waits = [change.total_s for change in changes if change is not None]
     assert (len(servos), len(waits)) == (2, len(looks) - 2)
+    # one that moves something before its look: that takes what no plan alone says
+    (moved,) = [s for s in plan.steps if s.control is not None and s.moves]
+    first = moved.looks[0].verdict
+    assert first is not None
+    assert first.change is not None
+    assert moved.control is not None
+    assert moved.control.expected_cycles == 1.0
+    servos.remove(moved.control)
+    waits.append(first.change.total_s)
     servoing = sum(servo.approach_s + servo.expected_s for servo in servos)
     # the plan keeps six digits of each
     assert run_s(plan) == pytest.approx(sum(waits) + servoing, abs=1e-4)

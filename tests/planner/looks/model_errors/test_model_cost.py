@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from microplan.planner.looks.model_errors.better_models import BetterModel
+from microplan.planner.looks.model_errors.combined_costs import (
+    of_either,
+    together_cost,
+)
 from microplan.planner.looks.model_errors.model_cost import (
     AnswerShift,
     EffectDifference,
     difference,
     model_cost,
-    of_either,
-    together_cost,
 )
 from microplan.planner.looks.model_errors.used_poses import LEAST
 from microplan.schemas.plan import ModelCost
