@@ -328,7 +328,7 @@ def test_useq_reads_positions_and_focus_stacks(
         assert nested.metadata["microplan"]["magnification"] == look.view.magnification
     by_name = {p.name: (p.x, p.y) for p in found.stage_positions}
     assert by_name["find_gear"] == (-600.0, 0.0)  # the start, as the task states it
-    assert by_name["find_shaft"] == (0.0, -215.0)  # view_um, the post at the origin
+    assert by_name["find_shaft"] == (0.0, 0.0)  # view_um, the post at the origin
 
 
 @NEEDS_USEQ

@@ -90,8 +90,8 @@ def test_the_plan_fits_its_schema_and_its_types(compiled_example: Path) -> None:
     assert plan.status == "feasible"
     assert [step.id for step in plan.steps] == [
         "find_gear", "see_fingers", "bring_between", "grasp", "lift",
-        "gear_in_fingers", "find_shaft", "over_shaft", "insert", "release", "retract",
-        "check_seated",
+        "gear_in_fingers", "aside", "find_shaft", "over_shaft", "insert", "release",
+        "retract", "check_seated",
     ]  # fmt: skip
 
 

@@ -421,9 +421,11 @@ def test_an_alignment_counts_its_first_look_once(folder: ReportedPlan) -> None:
     step = next(s for s in folder.plan.steps if s.id == "over_shaft")
     assert step.control is not None
     looks = step.control.expected_cycles
-    # 215 um at 1000 um/s; each look, the first too, after .15 s of settling, and by the
-    # second frame of 30 per s, as the one under way when the stage stands is no good
-    whole = 215 / 1000 + looks * (0.15 + 2 / 30)
+    # the robot comes back by 400 um at 5000 um/s and settles; each look, the first too,
+    # after .15 s of settling, and by the second frame of 30 per s, as the one under way
+    # when it stands is no good
+    back = 400 / 5000 + 0.15
+    whole = back + step.control.approach_s + looks * (0.15 + 2 / 30)
     assert found["over_shaft"].total_s == pytest.approx(whole, abs=1e-4)
     assert planned_s(folder.plan, folder.world)["over_shaft"] == pytest.approx(
         whole, abs=1e-4
@@ -436,21 +438,22 @@ def test_a_verification_takes_its_sweep_too(folder: ReportedPlan) -> None:
     assert isinstance(step.action, VerifyAction)
     assert step.action.height is not None
     stops = len(step.action.height.focus_um)
-    # .4 s for the focus and 1/30 s for the frame, of two looks and of every stop; the
-    # sweep takes a second frame at either end
-    whole = (2 + stops) * (0.4 + 1 / 30) + 2 / 30
+    # 1/30 s for the frame of two looks and of every stop, .4 s for the focus of all but
+    # the first, which the alignment had; the sweep takes a second frame at either end
+    whole = (1 + stops) * 0.4 + (2 + stops) / 30 + 2 / 30
     assert found[step.id] == pytest.approx(whole, abs=1e-4)
 
 
 def test_what_no_time_is_known_of_is_named(folder: ReportedPlan, page: Page) -> None:
     plan, every = folder.plan, {step.id for step in folder.plan.steps}
-    unknown = {"find_gear", "grasp", "release"}
+    # where the robot stands after the alignment is measured
+    unknown = {"find_gear", "grasp", "release", "retract"}
     assert set(planned_s(plan, folder.world)) == every - unknown
     told = "without probing moves of find_gear; jaws of grasp, release"
     assert told in " ".join(page.text)
     # without a world nobody knows how fast axes and focus are
     assert set(planned_s(plan, None)) == every - unknown - {
-        "lift", "insert", "retract", "check_seated",
+        "lift", "insert", "aside", "check_seated",
     }  # fmt: skip
 
 
