@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,35 +38,15 @@ def random_shares(
     return tuple((wall, finish) for wall, finish in drawn)
 
 
-def surfaced(
-    layers: Sequence[Layer],
-    surfaces: Sequence[UnknownSurface],
-    *,
-    wall: float | None = None,
-    finish: float | None = None,
-) -> tuple[Layer, ...]:
-    """Return layers, all of them at the same shares of their intervals."""
-    return _surfaced(layers, surfaces, lambda _: (wall, finish))
-
-
 def drawn_surfaces(
     layers: Sequence[Layer],
     surfaces: Sequence[UnknownSurface],
     shares: Mapping[str, Shares],
 ) -> tuple[Layer, ...]:
     """Return layers at the shares of each one's body."""
-    return _surfaced(layers, surfaces, lambda surface: shares[surface.body])
-
-
-def _surfaced(
-    layers: Sequence[Layer],
-    surfaces: Sequence[UnknownSurface],
-    shares: Callable[[UnknownSurface], Shares],
-) -> tuple[Layer, ...]:
-    """Return layers with the surfaces that are not known at some shares."""
     known = {surface.layer: surface for surface in surfaces}
     return tuple(
-        _at(layer, known[layer.name], *shares(known[layer.name]))
+        _at(layer, known[layer.name], *shares[known[layer.name].body])
         if layer.name in known
         else layer
         for layer in layers

@@ -12,7 +12,10 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.unknown_surfaces import UnknownSurface, surfaced
+from microplan.featuresel.look.unknown_surfaces import (
+    UnknownSurface,
+    drawn_surfaces,
+)
 from microplan.featuresel.routines.contract import Artifact
 from microplan.featuresel.routines.likelihood.appearance import ImagePose, OccluderBlur
 from microplan.featuresel.routines.likelihood.comparison import DefocusedImage
@@ -62,7 +65,8 @@ def shown(mirror: float, x_um: float, y_um: float) -> FloatArray:
     case = over_shaft()
     faces = tuple(replace(s, finish=(0.0, mirror)) for s in case.surfaces)
     static, moving = (
-        surfaced(layers, faces, finish=1) for layers in (case.static, case.moving)
+        drawn_surfaces(layers, faces, {face.body: (None, 1.0) for face in faces})
+        for layers in (case.static, case.moving)
     )
     render = nominal_render(replace(case, static=static, moving=moving))
     return render(dx_um=x_um, dy_um=y_um)
