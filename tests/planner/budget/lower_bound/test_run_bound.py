@@ -133,7 +133,7 @@ def test_the_bound_comes_to_the_probability_as_trials_grow() -> None:
     bounds = [success_bound(few.with_trials(4.0**k), None) for k in range(0, 13, 3)]
     lows = [bound.success_low for bound in bounds]
     assert lows == sorted(lows)
-    assert lows[0] < 0.95  # the goal
+    assert lows[0] < bounds[0].reachable < 0.95  # what so few can show, the goal
     # a rate of 3.7 x 2.4 looks in 64 x 4**12 trials, a sigma known to 1e-4
     assert lows[-1] == pytest.approx(0.997, abs=1e-4)
     assert bounds[0].reachable == pytest.approx(1 - bounds[0].undetected_upper)

@@ -17,7 +17,13 @@ from microplan.planner.budget.probability.collision_probability import (
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import Budget
-from tests.planner.examples import EXAMPLE, change, copy_example, read
+from tests.planner.examples import (
+    EXAMPLE,
+    change,
+    copy_example,
+    down_the_bore,
+    read,
+)
 
 STAGE_Z_UM, ROBOT_Z_UM = 1.0, 8.0  # the example's repeatabilities
 GRASPED = Budget(rows=(), limit_um=12.0, success_probability=0.5, advice="")
@@ -77,6 +83,6 @@ def test_rows_of_an_action_stay_and_its_chance_falls(tmp_path: Path) -> None:
 
 
 def test_wide_gaps_and_insertions_cost_nothing() -> None:
-    task = read(EXAMPLE / "task.yaml")
-    for name in ("lift", "insert"):
+    task = read(down_the_bore())
+    for name in ("lift", "insert", "retract"):
         assert with_collisions(task, step_of(task, name), EMPTY_BUDGET) == EMPTY_BUDGET
