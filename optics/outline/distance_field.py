@@ -24,7 +24,9 @@ STEP_UM = 0.5  # of the grid: a distance errs by half the diagonal, .35 um, at m
 BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more
 _ROUND = 5  # digits of um: what is moved back lies within 1e-9 um of itself
 _TILE = 48  # points
-_EVEN_UM = 64.0  # areas wanted end at whole multiples: those nearly alike share grids
+_WHOLE = 1 << 20  # points of a grid that an outline has all over, wherever it is wanted
+_EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grids
+Box = tuple[float, float, float, float]
 Key = tuple[tuple[float, ...], ...]
 
 
@@ -103,9 +105,7 @@ def _limit(at: Float32Array, most: float) -> Float32Array:
     return np.minimum(at, np.float32(most), out=at)
 
 
-def distance_field(
-    outline: Outline, area: tuple[float, float, float, float]
-) -> DistanceField | None:
+def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     """Return distances from an outline's edges wherever an area lies.
 
     Parameters
@@ -128,19 +128,16 @@ def distance_field(
         toward = first.at(0.25)
     turn = math.atan2(toward[1] - y0, toward[0] - x0)
     c, s = math.cos(turn), math.sin(turn)
+    own = _key(place(place(outline, -x0, -y0), 0.0, 0.0, -turn))
     half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
     dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
     u, v = c * dx + s * dy, c * dy - s * dx
-    box = tuple(
-        _EVEN_UM * (math.floor if k < 2 else math.ceil)((at + away) / _EVEN_UM)
-        for k, (at, away) in enumerate(((u, -half), (v, -half), (u, half), (v, half)))
-    )
-    own = place(place(outline, -x0, -y0), 0.0, 0.0, -turn)
-    found = _kept(_key(own), (box[0], box[1], box[2], box[3]))
-    if found is None:
+    box = _wanted(_edges(own), (u - half, v - half, u + half, v + half))
+    if box is None:
         return None
+    values = _kept(own, box)
     return DistanceField(
-        turn=(c, s), origin_um=(x0, y0), corner_um=found[0], values=found[1]
+        turn=(c, s), origin_um=(x0, y0), corner_um=box[:2], values=values
     )
 
 
@@ -153,29 +150,47 @@ def _key(outline: Outline) -> Key:
     )
 
 
-@lru_cache(maxsize=32)
-def _kept(
-    key: Key, box: tuple[float, float, float, float]
-) -> tuple[tuple[float, float], Float32Array] | None:
-    """Return the grid's corner and values, from the rounded edges alone."""
-    lines = np.array([row for row in key if len(row) == 4]).reshape(-1, 4)
-    arcs = np.array([row for row in key if len(row) == 5]).reshape(-1, 5)
-    edges = EdgeArrays(segments=lines, arcs=arcs)
+def _edges(key: Key) -> EdgeArrays:
+    """Return the rounded edges."""
+    lines, arcs = (
+        np.array([row for row in key if len(row) == count]).reshape(-1, count)
+        for count in (4, 5)
+    )
+    return EdgeArrays(segments=lines, arcs=arcs)
+
+
+def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
+    """Return the box of a grid: all about the edges, or what a wanted box has of it.
+
+    None where that is nothing.
+    """
     left, low, right, high = edges.bounds_um
     near = (left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM)
-    box = (max(box[0], near[0]), max(box[1], near[1]),
-           min(box[2], near[2]), min(box[3], near[3]))  # fmt: skip
-    if box[0] >= box[2] or box[1] >= box[3]:
+    even = [
+        _EVEN_UM * (math.floor if k < 2 else math.ceil)(at / _EVEN_UM)
+        for k, at in enumerate(box)
+    ]
+    met = (max(even[0], near[0]), max(even[1], near[1]),
+           min(even[2], near[2]), min(even[3], near[3]))  # fmt: skip
+    if met[0] >= met[2] or met[1] >= met[3]:
         return None
+    points = (near[2] - near[0]) * (near[3] - near[1]) / STEP_UM**2
+    return near if points <= _WHOLE else met
+
+
+@lru_cache(maxsize=32)
+def _kept(key: Key, box: Box) -> Float32Array:
+    """Return the grid's values, from the rounded edges alone."""
+    edges = _edges(key)
     columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
     rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
     x: FloatArray = box[0] + STEP_UM * np.arange(columns, dtype=np.float64)
     y: FloatArray = box[1] + STEP_UM * np.arange(rows, dtype=np.float64)
-    away = _distances(lines, arcs, x, y)
+    away = _distances(edges.segments, edges.arcs, x, y)
     inside = _inside(edges, box, rows, columns)
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return (box[0], box[1]), values
+    return values
 
 
 def _distances(
@@ -223,9 +238,7 @@ def _by_edge(
         yield round_
 
 
-def _inside(
-    edges: EdgeArrays, box: tuple[float, float, float, float], rows: int, columns: int
-) -> BoolArray:
+def _inside(edges: EdgeArrays, box: Box, rows: int, columns: int) -> BoolArray:
     """Return whether points lie inside, (rows, columns), y upwards."""
     top_um = box[1] + (rows - 0.5) * STEP_UM
     covered = cells(edges, box[0] - STEP_UM / 2, top_um, STEP_UM, (rows, columns))
