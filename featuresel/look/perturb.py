@@ -29,10 +29,10 @@ from microplan.optics.outline.outline import place
 from microplan.optics.render.scene import Layer
 from microplan.optics.render.view_range import Range
 
-# Of the points from which trials trace rays past walls, and of their slopes: images
-# differ from those of all rays by less than a third of what walls change (tested), and
-# take a fraction of the time.
-WALLS = 0.5
+# `microplan.optics.render.sampling.Sampling.rays` of trials: images differ from those of
+# all rays by less than a third of what walls change (tested), and take a fraction of
+# the time.
+RAYS = 0.5
 
 
 def image(
@@ -111,7 +111,7 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
         lens=case.lens if trial.lens is None else trial.lens,
         line=trial.line,
         sensor=noisier(case.sensor, trial.noise),
-        sampling=replace(case.sampling, walls=WALLS),
+        sampling=replace(case.sampling, rays=RAYS),
     )
 
 

@@ -51,6 +51,7 @@ def joint_light(
     *,
     lamp_aperture: float,
     area: Area,
+    finer: float = 1.0,
 ) -> LightChange | None:
     """Return what the product of shades leaves out, None where one height shades.
 
@@ -64,6 +65,8 @@ def joint_light(
         Of the light through the objective, in (0, n).
     area : Area
         Where the light is wanted, um.
+    finer : float
+        As `microplan.optics.render.sampling.Sampling.rays`.
     """
     lamp = replace(microscope, aperture=lamp_aperture)
     side = max(area[2] - area[0], area[3] - area[1])
@@ -94,7 +97,7 @@ def joint_light(
                 z_um=z_um - light.z_um, covers=1 - free, sends=np.zeros_like(free)
             )
         )
-    found = joint_residual(faces, lattice, lamp, diffracts=False)
+    found = joint_residual(faces, lattice, lamp, diffracts=False, finer=finer)
     if found is None:
         return None
     change = found.above + found.below

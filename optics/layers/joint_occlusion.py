@@ -55,6 +55,7 @@ def joint_residual(
     microscope: Microscope,
     *,
     rays: int | None = None,
+    finer: float = 1.0,
     spin_rad: float = 0.0,
     diffracts: bool = True,
 ) -> JointResidual | None:
@@ -68,6 +69,8 @@ def joint_residual(
         Points in the plane in focus.
     rays : int, optional
         A point. Default: as many as its time allows, a power of two.
+    finer : float
+        As `microplan.optics.render.sampling.Sampling.rays`: below 1 there are fewer.
     spin_rad : float
         By which their pattern is turned: what two patterns differ by is its error.
     diffracts : bool
@@ -82,7 +85,7 @@ def joint_residual(
     faces = _not_hidden(faces)
     if _uneven(faces) < 2:
         return None
-    rays = rays or _rays(lattice)
+    rays = rays or _rays(lattice, min(finer, 1.0))
     c, s = math.cos(spin_rad), math.sin(spin_rad)
     tangents = slopes(microscope, rays) @ np.array([[c, s], [-s, c]])
     faces = [_softened(face, lattice, microscope, rays) for face in faces]
@@ -96,10 +99,10 @@ def joint_residual(
     return JointResidual(above=above, sharp=tuple(sharp), below=below)
 
 
-def _rays(lattice: Lattice) -> int:
+def _rays(lattice: Lattice, finer: float) -> int:
     """Return how many rays a point gets on a lattice."""
     rows, columns = lattice.shape
-    share = max(_SAMPLES // (rows * columns), 1)
+    share = max(math.floor(_SAMPLES * finer**4 / (rows * columns)), 1)
     return int(min(max(1 << (share.bit_length() - 1), _FEWEST), _MOST))
 
 

@@ -143,13 +143,12 @@ def _image(
         model=model,
         frame=frame,
         shift_um=shift_um,
+        finer=sampling.rays,
     )
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
     if lamp_aperture is not None:
-        faces = _shaded(
-            scene, view, everything, fresh, under, lamp_aperture, sampling.walls
-        )
+        faces = _shaded(scene, view, everything, fresh, under, lamp_aperture)
         faces = _with_images(faces, view, [c.layer for c in everything], sampling)
     patches = [
         c.patch(view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None)
@@ -159,11 +158,11 @@ def _image(
     blend_layers(image, patches, _background(scene, faces))
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
     far_light = partial(
-        solid_share, [c.layer for c in everything], lamp=lamp, finer=sampling.walls
+        solid_share, [c.layer for c in everything], lamp=lamp, finer=sampling.rays
     )
     for change in (
         view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces, far_light, finer=sampling.walls),
+        wall_residual(view, scene, everything, faces, far_light),
     ):
         if change is not None:
             image += change
@@ -177,7 +176,6 @@ def _shaded(
     fresh: Sequence[Covered],
     under: Sequence[Irradiance] | None,
     lamp_aperture: float,
-    finer: float,
 ) -> dict[float, ShadedFace]:
     """Return the faces that are shaded, by height."""
     m = view.microscope
@@ -197,10 +195,15 @@ def _shaded(
     for each in found:
         if each.shades:
             area = area_um(m, view.frame, view.shift_um, each.z_um - view.focus_um)
-            joint = joint_light(layers, each, m, lamp_aperture=lamp_aperture, area=area)
+            joint = joint_light(
+                layers, each, m, lamp_aperture=lamp_aperture, area=area,
+                finer=view.finer,
+            )  # fmt: skip
             seen_um = m.blur_diameter_um(each.z_um - view.focus_um) / 2
             lamp = replace(m, aperture=lamp_aperture)
-            walls = solid_light(layers, each.z_um, area, seen_um, lamp, finer=finer)
+            walls = solid_light(
+                layers, each.z_um, area, seen_um, lamp, finer=view.finer
+            )
             changes = [change for change in (joint, walls) if change is not None]
             shaded[each.z_um] = view.face(each, changes)
     return shaded

@@ -45,7 +45,7 @@ def wall_error(
             focus_um=focus_um,
             lamp_aperture=lamp_aperture,
             window=window,
-            sampling=Sampling(walls=finer),
+            sampling=Sampling(rays=finer),
         )
         for finer in (1.0, _FINER)
     )

@@ -51,7 +51,6 @@ def wall_residual(
     far_light: FarLight,
     *,
     is_fine: bool = False,
-    finer: float = 1.0,
 ) -> FloatArray | None:
     """Return what walls change of a blended image, (rows, columns), None if nothing.
 
@@ -71,12 +70,10 @@ def wall_residual(
         Whether walls are traced from closer points, and bodies out of focus by more
         than half a depth of field as such: beside edges near focus what walls hide
         changes fast.
-    finer : float
-        As `microplan.optics.render.sampling.Sampling.walls`.
     """
     if not is_solid([c.layer for c in covered]):
         return None
-    m, layers = view.microscope, [c.layer for c in covered]
+    m, finer, layers = view.microscope, view.finer, [c.layer for c in covered]
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
     walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)

@@ -126,11 +126,11 @@ class Sampling:
     # the margin beyond it is made up for by `microplan.optics.render.far_field`
     near: float = NEAR
     # so many times closer than usual are points from which rays past walls are traced;
-    # below 1 their rays are as much farther apart, too
-    walls: float = 1.0
+    # below 1 their rays, and those past several bodies, are as much farther apart, too
+    rays: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("band_error", "margin", "near", "walls"):
+        for name in ("band_error", "margin", "near", "rays"):
             value = getattr(self, name)
             if not (value > 0 and math.isfinite(value)):
                 raise ValueError(f"{name} must be positive and finite, got {value}")

@@ -52,7 +52,7 @@ def solid_light(
     lamp : Microscope
         With the lamp's aperture.
     finer : float
-        As `microplan.optics.render.sampling.Sampling.walls`.
+        As `microplan.optics.render.sampling.Sampling.rays`.
     """
     over = [layer for layer in layers if layer.z_um > z_um]
     if not is_solid(over):

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray, IntArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.optics.layers.solids.straight_rays import Paths, Rays, ThickBody
 from microplan.optics.layers.solids.unfolded_bodies import unfolded
 
@@ -96,9 +96,8 @@ def mirrored(
         full scale.
     """
     total = np.zeros(rays.x_um.shape[0])
-    first, whose = _first_met(bodies, floor_um, rays)
-    kept = (first > above_um) & (first <= below_um)
-    flight = _started(first, np.where(kept, whose, -1), rays)
+    first, whose = _first_met(bodies, max(floor_um, above_um), rays)
+    flight = _started(first, np.where(first <= below_um, whose, -1), rays)
     _fly(flight, bodies, lights, floor, floor_um, total)
     return total
 
@@ -136,8 +135,8 @@ def raised(
     if not face.is_sharp:
         seen &= Paths.of(face, rays).at(z_um) < 0
     ceiling_um = _ceiling_um(images)
-    first, whose = _first_met(images, ceiling_um, rays)
-    flight = _started(first, np.where(seen, whose, -1), rays, mirrors)
+    first, whose = _first_met(images, ceiling_um, rays, seen)
+    flight = _started(first, whose, rays, mirrors)
     _fly(flight, images, [None] * len(images), _LAMP, ceiling_um, total)
     return total
 
@@ -148,16 +147,22 @@ def _ceiling_um(images: Sequence[ThickBody]) -> float:
 
 
 def _first_met(
-    bodies: Sequence[ThickBody], floor_um: float, rays: Rays
+    bodies: Sequence[ThickBody],
+    floor_um: float,
+    rays: Rays,
+    some: BoolArray | None = None,
 ) -> tuple[Float32Array, IntArray]:
     """Return where rays meet their first body, and whose wall it is if that mirrors.
 
-    (points, slopes): um, -inf where they meet none; -1 where it is no mirroring wall.
+    (points, slopes): um, -inf where they meet none; -1 where it is no mirroring wall,
+    or where the ray is none of `some`.
     """
     from microplan.optics.layers.solids import ray_loops  # loads a compiler: walls only
 
     shape = (rays.x_um.shape[0], rays.across.shape[1])
-    first, whose = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.intp)
+    first, whose = np.zeros(shape, dtype=np.float32), np.empty(shape, dtype=np.intp)
+    if some is not None:
+        first[~some] = np.inf
     ray_loops.first_met(
         *ray_loops.packed(bodies), floor_um, rays.x_um, rays.y_um,
         rays.across[0], rays.up[0], first, whose,

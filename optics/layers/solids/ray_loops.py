@@ -54,20 +54,34 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
 
 
 @compiled
-def _distance(
-    grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
+def _between(
+    grids: Float32Array,
+    first: int,
+    columns: int,
+    ends: tuple[float, float],
+    u: float,
+    v: float,
 ) -> float:
-    """Return the distance from a body's outline by the four points about a place."""
-    c, s, columns = bodies[k, _C], bodies[k, _S], int(bodies[k, _COLUMNS])
-    u = min(max(c * x + s * y + bodies[k, _U], 0.0), columns - _RIM)
-    v = min(max(c * y - s * x + bodies[k, _V], 0.0), bodies[k, _ROWS] - _RIM)
+    """Return the value by the four points about a place in one grid."""
+    u, v = min(max(u, 0.0), ends[0]), min(max(v, 0.0), ends[1])
     column, row = int(u), int(v)
     u -= column
     v -= row
-    at = int(bodies[k, _FIRST]) + row * columns + column
+    at = first + row * columns + column
     low = grids[at] * (1 - u) + grids[at + 1] * u
     high = grids[at + columns] * (1 - u) + grids[at + columns + 1] * u
     return float(low * (1 - v) + high * v)
+
+
+@compiled
+def _distance(
+    grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
+) -> float:
+    """Return the distance from a body's outline at a place."""
+    c, s, columns = bodies[k, _C], bodies[k, _S], int(bodies[k, _COLUMNS])
+    u, v = c * x + s * y + bodies[k, _U], c * y - s * x + bodies[k, _V]
+    ends = columns - _RIM, bodies[k, _ROWS] - _RIM
+    return _between(grids, int(bodies[k, _FIRST]), columns, ends, u, v)
 
 
 @compiled
@@ -108,53 +122,61 @@ def first_met(
         Where rays start, at height 0.
     across, up : (slopes,) float32 array
         Sideways a um of height.
-    first : (points, slopes) float32 array, out
-        Heights, um; -inf where they meet none.
+    first : (points, slopes) float32 array, in and out
+        Heights, um; -inf where they meet none. Inf leaves a ray out.
     whose : (points, slopes) int array, out
         Body; -1 where it is no mirroring wall.
     """
+    first[:] = np.where(first == np.inf, np.inf, -np.inf)
+    whose[:] = -1
+    starts = x_um.shape[1]
     for p in range(first.shape[0]):
-        for r in range(first.shape[1]):
-            x, y = x_um[p, r % x_um.shape[1]], y_um[p, r % x_um.shape[1]]
-            dx, dy = across[r], up[r]
-            best, who = -np.inf, -1
-            for k in range(bodies.shape[0]):
-                top = bodies[k, _TOP]
+        # the highest body is the last as a rule: what it stops meets no other
+        for k in range(bodies.shape[0] - 1, -1, -1):
+            c, s, top = bodies[k, _C], bodies[k, _S], bodies[k, _TOP]
+            for r in range(first.shape[1]):
+                best = first[p, r]
                 if top <= best:
                     continue
+                x, y = x_um[p, r % starts], y_um[p, r % starts]
+                dx, dy = across[r], up[r]
+                ray = (
+                    c * x + s * y + bodies[k, _U], c * y - s * x + bodies[k, _V],
+                    c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy),
+                )  # fmt: skip
                 low = max(bodies[k, _UNDER], floor_um, best)
-                met = _top_or_wall(grids, bodies, k, low, x, y, dx, dy)
+                met = _top_or_wall(grids, bodies[k], low, ray)
                 if met > best:
                     wall = met < top and bodies[k, _REFLECTS] > 0
-                    best, who = met, k if wall else -1
-            first[p, r] = best
-            whose[p, r] = who
+                    first[p, r], whose[p, r] = met, k if wall else -1
 
 
 @compiled
 def _top_or_wall(
     grids: Float32Array,
-    bodies: FloatArray,
-    k: int,
+    body: FloatArray,
     low_um: float,
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
+    ray: tuple[float, float, float, float, float],
 ) -> float:
-    """Return the height at which a ray down from above meets a body, um; -inf: none."""
-    z, slope = bodies[k, _TOP], math.hypot(dx, dy)
-    d = _distance(grids, bodies, k, x + z * dx, y + z * dy)
+    """Return the height at which a ray down from above meets a body, um; -inf: none.
+
+    The ray: where it starts in the body's grid, steps a um of height, um sideways.
+    """
+    u, v, du, dv, slope = ray
+    first, columns = int(body[_FIRST]), int(body[_COLUMNS])
+    ends = columns - _RIM, body[_ROWS] - _RIM
+    z = body[_TOP]
+    d = _between(grids, first, columns, ends, u + z * du, v + z * dv)
     if d < 0:
         return float(z)
     # a distance changes by the way at most
-    last = _distance(grids, bodies, k, x + low_um * dx, y + low_um * dy)
+    last = _between(grids, first, columns, ends, u + low_um * du, v + low_um * dv)
     if d + last >= (z - low_um) * slope:
         return -math.inf
     while z > low_um:
         step = min(max(d, _WALL_UM) / slope, z - low_um)
         at = z - step
-        now = _distance(grids, bodies, k, x + at * dx, y + at * dy)
+        now = _between(grids, first, columns, ends, u + at * du, v + at * dv)
         if now < 0:
             return float(z - step * d / (d - now))
         z, d = at, now

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray, IntArray
+from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.distance_field import DistanceField
 
 _APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
@@ -65,15 +65,8 @@ class Paths:
         start, slope = (rays.x_um, rays.y_um), (rays.across, rays.up)
         return cls(field, *field.places(*start), *field.directions(*slope))
 
-    def some(self, point: IntArray, ray: IntArray) -> Paths:
-        """Return some rays, of (N,) indices of points and slopes."""
-        start = point, ray % self.u.shape[1]
-        return Paths(
-            self.field, self.u[start], self.v[start], self.du[0, ray], self.dv[0, ray]
-        )
-
     def at(self, z_um: float) -> Float32Array:
-        """Return how far rays pass from the outline, (points, slopes) or (N,) um."""
+        """Return how far rays pass from the outline, (points, slopes) um."""
         z = np.float32(z_um)
         return self.field.read(self.u + z * self.du, self.v + z * self.dv)
 
@@ -103,62 +96,18 @@ def hides(
     Of a sharp body, which is met at `from_um`, only what rays approach: those that
     leave through its edge do not meet the wall there.
     """
+    from microplan.optics.layers.solids import hiding_loop  # loads a compiler
+
     paths = Paths.of(body, rays)
-    ends = [paths.at(z_um) for z_um in (from_um, to_um)]
-    length = abs(to_um - from_um) * np.hypot(rays.across, rays.up)
-    width = _width(max(abs(from_um), abs(to_um)), soft)
-    if body.is_sharp:
-        least = ends[1] / _width(to_um, soft)
-        # a distance changes by the way at most: nearer than this none comes
-        open_ = (ends[0] + ends[1] - length) / 2 < width / 2
-    else:
-        least = np.minimum(
-            *(
-                end / _width(z_um, soft)
-                for end, z_um in zip(ends, (from_um, to_um), strict=True)
-            )
-        )
-        open_ = ((ends[0] + ends[1] - length) / 2 < width / 2) & (least > -0.5)
-    point, ray = np.nonzero(open_)
-    if point.size:
-        heights = heights_between(rays, from_um, to_um)
-        few = paths.some(point, ray)
-        near = _approached if body.is_sharp else _passed
-        least[point, ray] = near(few, heights, ends[0][point, ray],
-                                 least[point, ray], soft)  # fmt: skip
+    heights = heights_between(rays, from_um, to_um).astype(np.float32)
+    widths = np.array([_width(float(z_um), soft) for z_um in heights])
+    ways = np.float32(abs(to_um - from_um)) * np.hypot(rays.across, rays.up)
+    least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
+    hiding_loop.least_distances(
+        paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), ways,
+        heights, widths, body.is_sharp, least,
+    )  # fmt: skip
     return _share(least)
-
-
-def _passed(
-    few: Paths,
-    heights: FloatArray,
-    _before: Float32Array,
-    least: Float32Array,
-    soft: float,
-) -> Float32Array:
-    """Return the least distance between heights, over the rays' width."""
-    for z_um in heights[1:-1]:
-        now = few.at(z_um) / _width(z_um, soft)
-        np.minimum(least, now, out=least)
-    return least
-
-
-def _approached(
-    few: Paths,
-    heights: FloatArray,
-    before: Float32Array,
-    last: Float32Array,
-    soft: float,
-) -> Float32Array:
-    """Return the same once a ray approaches the body; the last if it never does."""
-    least = np.full_like(before, np.inf)
-    approaching = np.zeros(before.shape, dtype=np.bool_)
-    for z_um in heights[1:]:
-        now = few.at(z_um)
-        approaching |= now < before
-        np.minimum(least, now / _width(z_um, soft), out=least, where=approaching)
-        before = now
-    return np.where(approaching, least, last)
 
 
 def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:

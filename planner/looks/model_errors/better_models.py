@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from microplan.featuresel.look.perturb import RAYS
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.coherence.unmodelled import FLAT_BAND, vectorial_otf
 from microplan.optics.render.sampling import Sampling
@@ -202,7 +203,12 @@ def _polished(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:
 def _ends(
     case: LookCase, changed: Callable[[Layer, int], Layer]
 ) -> tuple[ImageModel, ...]:
-    """Return the look at both ends of an interval; one where they are the same."""
+    """Return the look at both ends of an interval; one where they are the same.
+
+    Where trials draw what lies between, rays are those of trials.
+    """
+    if case.surfaces:
+        case = replace(case, sampling=replace(case.sampling, rays=RAYS))
     found = tuple(
         replace(
             case,

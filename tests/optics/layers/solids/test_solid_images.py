@@ -280,7 +280,7 @@ def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     whole = image(scene, focus_um)
     few = render_coaxial(
         scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
-        sampling=Sampling(walls=0.5),
+        sampling=Sampling(rays=0.5),
     )  # fmt: skip
     without = image(seated(0.0, 0.0, flat=True), focus_um)
     off, missed = (np.sqrt(np.mean((each - whole) ** 2)) for each in (few, without))
@@ -288,5 +288,5 @@ def test_points_and_rays_farther_apart_show_walls_a_little_worse(
 
 
 def test_no_points_are_no_sampling() -> None:
-    with pytest.raises(ValueError, match="walls"):
-        Sampling(walls=0.0)
+    with pytest.raises(ValueError, match="rays"):
+        Sampling(rays=0.0)
