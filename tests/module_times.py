@@ -73,8 +73,9 @@ class Collecting:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
-        """Add the times of a worker that has ended."""
-        for name, (cpu_s, wall_s) in node.workeroutput.get("module_times", {}).items():
+        """Add the times of a worker that has ended; one that died tells none."""
+        told = getattr(node, "workeroutput", {}).get("module_times", {})
+        for name, (cpu_s, wall_s) in told.items():
             spent = _spent.setdefault(name, [0.0, 0.0])
             spent[0] += cpu_s
             spent[1] += wall_s
