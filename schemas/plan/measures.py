@@ -99,7 +99,9 @@ class ModelCost:
     bias_um: tuple[float, float]  # mean error that they add; in a measure's `bias_um`
     half_width_um: tuple[float, float]  # of that, two-sided 95 %, with `interval_um`
     interval_um: tuple[float, float]  # of what is only known between two ends
-    sigma_um: tuple[float, float]  # over the poses; in a measure's `sigma_xy_um`
+    # by which they make the answers' standard deviation larger, in squares; in a
+    # measure's `sigma_xy_um`
+    sigma_um: tuple[float, float]
     bias_theta_rad: float | None = None  # None: no angle is measured
     half_width_theta_rad: float | None = None  # of that, as `half_width_um`
     interval_theta_rad: float | None = None  # as `interval_um`
@@ -108,6 +110,10 @@ class ModelCost:
     # say, and the lower bound of P(success) alone has them besides, at their worst
     drawn_um: tuple[float, float] = (0.0, 0.0)
     drawn_theta_rad: float | None = None  # as `drawn_um`; None: no angle is measured
+    # standard deviation of the differences over the poses, all of which the upper bound
+    # of `sigma_um` counts; None in plans of before: it is `sigma_um`
+    spread_um: tuple[float, float] | None = None
+    spread_theta_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

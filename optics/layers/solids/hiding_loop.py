@@ -95,6 +95,6 @@ def _nearest(
 ) -> float:
     """Return the distance at the point of the grid nearest to a ray at a height."""
     rows, columns = distances.shape
-    column = min(max(ray[0] + z_um * ray[2], np.float32(0)), np.float32(columns - 1))
-    row = min(max(ray[1] + z_um * ray[3], np.float32(0)), np.float32(rows - 1))
-    return float(distances[int(row), int(column)])
+    column = int(min(max(ray[0] + z_um * ray[2], 0.0), columns - 1.0))
+    row = int(min(max(ray[1] + z_um * ray[3], 0.0), rows - 1.0))
+    return float(distances[row, column])

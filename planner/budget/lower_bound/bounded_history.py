@@ -50,7 +50,8 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
         turn_factor = sigma_factor(known.answered, known.kurtosis_theta, doubt)
         model = 0.0 if cost is None else cost.sigma_theta_rad or 0.0
         own = math.sqrt(max(turn**2 - model**2, 0.0))
-        turn = math.hypot(turn_factor * own, _pairs_factor(cost, doubt) * model)
+        most = 0.0 if cost is None else cost.spread_theta_rad or model
+        turn = math.hypot(turn_factor * own, _pairs_factor(cost, doubt) * most)
     own_um = seen.sigma_without_scale_um
     return replace(
         seen,
@@ -67,7 +68,8 @@ def _model_um(cost: ModelCost | None, doubt: float) -> tuple[float, float]:
     if cost is None:
         return (0.0, 0.0)
     sigma_um = max(cost.sigma_um)
-    return (sigma_um, _pairs_factor(cost, doubt) * sigma_um)
+    most_um = sigma_um if cost.spread_um is None else max(cost.spread_um)
+    return (sigma_um, _pairs_factor(cost, doubt) * most_um)
 
 
 def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:

@@ -19,15 +19,17 @@ def of_either(one: ModelCost | None, other: ModelCost | None) -> ModelCost | Non
             (one.interval_um, other.interval_um),
             (one.sigma_um, other.sigma_um),
             (one.drawn_um, other.drawn_um),
+            (one.spread_um or one.sigma_um, other.spread_um or other.sigma_um),
         )
     ]
-    half, interval, sigma, drawn = wider
+    half, interval, sigma, drawn, spread = wider
     return replace(
         one,
         half_width_um=(half[0], half[1]),
         interval_um=(interval[0], interval[1]),
         sigma_um=(sigma[0], sigma[1]),
         drawn_um=(drawn[0], drawn[1]),
+        spread_um=(spread[0], spread[1]),
     )
 
 
@@ -43,13 +45,14 @@ def together_cost(
     known = [part for part in parts if part is not None]
     if not known:
         return None
-    half, interval, sigma, drawn = (
+    half, interval, sigma, drawn, spread = (
         max(max(value) for value in values)
         for values in (
             [part.half_width_um for part in known],
             [part.interval_um for part in known],
             [part.sigma_um for part in known],
             [part.drawn_um for part in known],
+            [part.spread_um or part.sigma_um for part in known],
         )
     )
     turn = 2 / apart_um if apart_um > 0 else None
@@ -66,6 +69,8 @@ def together_cost(
         interval_theta_rad=_most(own, "interval_theta_rad", interval, turn),
         sigma_theta_rad=_most(own, "sigma_theta_rad", sigma, turn),
         drawn_um=(drawn, drawn),
+        spread_um=(spread, spread),
+        spread_theta_rad=_most(own, "spread_theta_rad", spread, turn),
         drawn_theta_rad=_most(own, "drawn_theta_rad", drawn, turn),
     )
 

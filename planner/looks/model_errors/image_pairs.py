@@ -36,10 +36,13 @@ class PairedAnswer:
     model: int  # which better model
     end: int  # which of its ends
     trial: int
-    at_um: tuple[float, float]  # displacement of the target
+    at_um: tuple[float, float, float]  # displacement of the target, and of the focus
     # the better image's answer less the other's, target's frame; None: not both answer
     off_um: tuple[float, float] | None
     turn_rad: float | None  # None: no angle is measured
+    # errors of the usual image's answer, along the same axes; None as above
+    error_um: tuple[float, float] | None
+    error_rad: float | None
     failure: str  # of the better image where the other one is answered; "": none
     score: float | None  # of the better image, where both answer
     spread_um: float | None  # that the chain states of itself then
@@ -122,6 +125,7 @@ def _answer(
     before, after = pair
     model, end = where
     off, turn, failure, score, spread_um = None, None, "", None, None
+    error, error_rad = None, None
     one, other = before.target_um, after.target_um
     if one is not None and not is_wrong(case, before):
         if other is None or is_wrong(case, after):
@@ -129,11 +133,13 @@ def _answer(
         else:
             off = (other[0] - one[0], other[1] - one[1])
             turn = _turned(case, before, after)
+            error, error_rad = one, before.theta_rad
             score, spread_um = after.score, after.spread_um
     return PairedAnswer(
         chain=before.chain, model=model, end=end, trial=trial.index,
-        at_um=(trial.dx_um, trial.dy_um), off_um=off,
-        turn_rad=turn, failure=failure, score=score, spread_um=spread_um,
+        at_um=(trial.dx_um, trial.dy_um, trial.dz_um), off_um=off,
+        turn_rad=turn, error_um=error, error_rad=error_rad,
+        failure=failure, score=score, spread_um=spread_um,
         image_error=image_error,
     )  # fmt: skip
 

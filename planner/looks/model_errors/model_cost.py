@@ -33,7 +33,8 @@ class AnswerShift:
     mean: FloatArray
     half_width: FloatArray  # two-sided 95 %, with the interval
     interval: FloatArray  # half of the distance between both ends' means
-    sigma: FloatArray  # at an end, over poses
+    spread: FloatArray  # standard deviation at an end, over poses
+    sigma: FloatArray  # by which it makes answers' standard deviation larger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,11 +108,13 @@ def effect_difference(
     at_um = [{a.trial: np.array(a.at_um) for a in end} for end in ends]
     places = [{a.trial: np.array(a.off_um) for a in end} for end in ends]
     turns = [{a.trial: np.array([a.turn_rad]) for a in end} for end in ends]
+    errors = [{a.trial: np.array(a.error_um) for a in end} for end in ends]
+    angles = [{a.trial: np.array([a.error_rad]) for a in end} for end in ends]
     apart = model.alternates
     return EffectDifference(
         model=model,
-        place=difference(places, at_um, is_apart=apart),
-        turn=difference(turns, at_um, is_apart=apart) if full else None,
+        place=difference(places, at_um, errors, is_apart=apart),
+        turn=difference(turns, at_um, angles, is_apart=apart) if full else None,
         image_error=max(a.image_error for a in answers),
         accepted=AcceptedRange(
             least_score=min(
@@ -137,7 +140,11 @@ def _too_few(
 
 
 def difference(
-    ends: Sequence[Poses], at_um: Sequence[Poses], *, is_apart: bool
+    ends: Sequence[Poses],
+    at_um: Sequence[Poses],
+    errors: Sequence[Poses],
+    *,
+    is_apart: bool,
 ) -> AnswerShift:
     """Return the statistics of differences at one end, or at both of an interval.
 
@@ -145,8 +152,11 @@ def difference(
     ----------
     ends : sequence of mapping of int to (K,) float array
         Differences along K axes by the trial's number, at each end.
-    at_um : sequence of mapping of int to (2,) float array
-        The displacements of these trials, um; their mean is known to be 0.
+    at_um : sequence of mapping of int to (3,) float array
+        The displacements of these trials, and of their focus, um; their mean is known
+        to be 0.
+    errors : sequence of mapping of int to (K,) float array
+        Errors of the usual answers in them, along the same axes.
     is_apart : bool
         Whether the ends were tried at poses of their own; else at the same ones.
 
@@ -162,11 +172,15 @@ def difference(
     displacement is a control variate (Lavenberg and Welch 1981), so that what changes
     its sign with it has no part. The middle of two ends and half their distance are
     each known so well: both count.
+
+    An answer that hangs on details, as of a threshold, errs otherwise on another image,
+    and no more: the variance of d + e is that of d and of e and twice their covariance,
+    which is negative then. `sigma` is what is left beside e.
     """
     if any(len(end) < LEAST // 2 for end in ends):
         raise ValueError(f"an end needs {LEAST // 2} poses at least")
     if len(ends) == 2 and not is_apart:
-        return _of_both(ends, at_um)
+        return _of_both(ends, at_um, errors)
     planes = [_plane(*each) for each in zip(ends, at_um, strict=True)]
     means = [plane.mean for plane in planes]
     free = max(sum(plane.freedom for plane in planes), 1)
@@ -179,11 +193,14 @@ def difference(
         mean=np.mean(means, axis=0),
         half_width=interval + len(ends) * _student(free) * error,
         interval=interval,
-        sigma=_pooled([list(end.values()) for end in ends]),
+        spread=np.sqrt(_pooled(ends, ends)),
+        sigma=_added(ends, errors),
     )
 
 
-def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> AnswerShift:
+def _of_both(
+    ends: Sequence[Poses], at_um: Sequence[Poses], errors: Sequence[Poses]
+) -> AnswerShift:
     """Return the statistics of an interval whose ends were tried at the same poses."""
     low, high = ends
     both = [trial for trial in low if trial in high]
@@ -198,7 +215,8 @@ def _of_both(ends: Sequence[Poses], at_um: Sequence[Poses]) -> AnswerShift:
         mean=middle.mean,
         half_width=interval + _student(free) * error,
         interval=interval,
-        sigma=_pooled([list(end.values()) for end in ends]),
+        spread=np.sqrt(_pooled(ends, ends)),
+        sigma=_added(ends, errors),
     )
 
 
@@ -229,12 +247,22 @@ def _student(freedom: int) -> float:
     return float(special.stdtrit(freedom, _SHARE))
 
 
-def _pooled(values: Sequence[Sequence[FloatArray]]) -> FloatArray:
-    """Return the standard deviation about each group's own mean, (K,)."""
-    groups = [np.array(each) for each in values]
-    rest = np.sum([((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups], axis=0)
-    found: FloatArray = np.sqrt(rest / (sum(map(len, groups)) - len(groups)))
-    return found
+def _added(ends: Sequence[Poses], errors: Sequence[Poses]) -> FloatArray:
+    """Return by which differences make the standard deviation of errors larger, (K,).
+
+    In squares; 0 where they do not.
+    """
+    more = _pooled(ends, ends) + 2 * _pooled(ends, errors)
+    return np.sqrt(np.maximum(more, 0.0))
+
+
+def _pooled(ends: Sequence[Poses], others: Sequence[Poses]) -> FloatArray:
+    """Return the covariance at an end, about its own mean, over the poses, (K,)."""
+    rest: FloatArray = np.zeros(1)
+    for one, other in zip(ends, others, strict=True):
+        a, b = (np.array([each[trial] for trial in one]) for each in (one, other))
+        rest = rest + ((a - a.mean(axis=0)) * (b - b.mean(axis=0))).sum(axis=0)
+    return rest / (sum(map(len, ends)) - len(ends))
 
 
 def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
@@ -255,10 +283,12 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
         half_width_um=_pair(_sum([place.half_width for place in places])),
         interval_um=_pair(_sum([place.interval for place in places])),
         sigma_um=_pair(_sum([place.sigma for place in places])),
+        spread_um=_pair(_sum([place.spread for place in places])),
         bias_theta_rad=_one([t.mean for t in known]) if is_turned else None,
         half_width_theta_rad=_one([t.half_width for t in known]) if is_turned else None,
         interval_theta_rad=_one([t.interval for t in known]) if is_turned else None,
         sigma_theta_rad=_one([t.sigma for t in known]) if is_turned else None,
+        spread_theta_rad=_one([t.spread for t in known]) if is_turned else None,
         drawn_um=_pair(_sum([place.half_width for place in drawn])),
         drawn_theta_rad=_one([t.half_width for t in drawn_turns])
         if is_turned

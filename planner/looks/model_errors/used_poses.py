@@ -21,8 +21,8 @@ def used_poses(
     Every other pair of them lies on the rim of what the step hands over, in directions
     that divide it evenly: where an alignment stops, or a verification still agrees.
     The others are random, as the workcell states it: where the first look is. Each pose
-    comes with its mirror image about the nominal one, so that an error that changes its
-    sign with the displacement has no mean.
+    comes with its mirror image about the nominal one, focus and zoom included, so that
+    an error that changes its sign with the displacement or the focus has no mean.
 
     Parameters
     ----------
@@ -59,28 +59,24 @@ def used_poses(
 
 
 def _still(trial: Trial) -> Trial:
-    """Return a trial at the nominal focus and zoom in which the target alone moves.
+    """Return a trial in which the target alone moves.
 
-    What hides it is displaced against it all the same. So the others are transformed
-    once for all poses.
+    What hides it is displaced against it all the same.
     """
     x, y = trial.occluder_um
     return replace(
-        trial,
-        dx_um=trial.dx_um - x,
-        dy_um=trial.dy_um - y,
-        dz_um=0.0,
-        magnification=1.0,
-        occluder_um=(0.0, 0.0),
+        trial, dx_um=trial.dx_um - x, dy_um=trial.dy_um - y, occluder_um=(0.0, 0.0)
     )
 
 
 def _mirrored(trial: Trial) -> Trial:
-    """Return a trial with everything displaced and turned the other way."""
+    """Return a trial with everything the other way: places, turns, focus and zoom."""
     return replace(
         trial,
         dx_um=-trial.dx_um,
         dy_um=-trial.dy_um,
+        dz_um=-trial.dz_um,
+        magnification=2 - trial.magnification,
         dtheta_rad=-trial.dtheta_rad,
         turns_rad=tuple(-turn for turn in trial.turns_rad),
     )

@@ -171,6 +171,11 @@ def test_what_images_cost_has_ends_of_its_own() -> None:
     assert model_bias_um(at_worst, 0.01) == pytest.approx(expected + 0.3, rel=1e-5)
     assert bias_rad(at_worst, 0.01) == pytest.approx(bias_rad(seen, 0.01) + 2e-3)
     assert bounded(at_worst, 0.01).sigma_um == end.sigma_um
+    apart = replace(cost, spread_um=(0.05, 0.03), spread_theta_rad=6e-3)
+    wide = bounded(replace(seen, model_cost=apart), 0.01)  # all that answers differ by
+    assert wide.sigma_um == pytest.approx(math.hypot(0.03 * trials, 0.05 * pairs))
+    turn = math.hypot(3e-3 * sigma_factor(60, 3.0, 0.01), 6e-3 * pairs)
+    assert wide.sigma_theta_rad == pytest.approx(turn)
     assert bias_um(seen, 0.05) == pytest.approx(0.005)  # that of the trials stays
     assert bias_rad(seen, 0.05) == pytest.approx(0.003 + 1e-3 + 3e-3)
     assert model_bias_um(None, 0.05) == model_bias_um(look("a", "b", 1.0), 0.05) == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +27,17 @@ ONE = ModelCost(
     pairs=12, freedom=6, bias_um=(0.1, -0.2), half_width_um=(0.05, 0.02),
     interval_um=(0.01, 0.0), sigma_um=(0.03, 0.04), bias_theta_rad=1e-3,
     half_width_theta_rad=2e-3, interval_theta_rad=0.0, sigma_theta_rad=3e-3,
+    spread_um=(0.05, 0.06), spread_theta_rad=4e-3,
 )  # fmt: skip
 
 
 def poses(values: np.ndarray) -> dict[int, np.ndarray]:
     return dict(enumerate(values))
+
+
+def no_errors(ends: Sequence[Mapping[int, np.ndarray]]) -> list[dict[int, np.ndarray]]:
+    """Return usual answers that are all right."""
+    return [{k: np.zeros_like(each) for k, each in end.items()} for end in ends]
 
 
 def mirrored(rng: np.random.Generator, count: int = LEAST) -> np.ndarray:
@@ -49,7 +56,7 @@ def test_the_half_width_holds_the_mean_as_often_as_it_says(ends: int) -> None:
             noise = rng.normal(0, 0.3, (len(where), 1))
             values.append(poses(mean + 2 * where[:, :1] + noise))
             at.append(poses(where))
-        found = difference(values, at, is_apart=ends > 1)
+        found = difference(values, at, no_errors(values), is_apart=ends > 1)
         truth = np.mean((0.7, -0.2)[:ends])
         held += bool(abs(found.mean[0] - truth) <= found.half_width[0])
     # 95 % of one end; of two an interval's half besides, so never less
@@ -62,16 +69,34 @@ def test_an_error_that_changes_its_sign_has_a_spread_and_no_bias() -> None:
     """A wall's: 0 where all is concentric, .4 um at 1.45 um."""
     where = mirrored(np.random.default_rng(2))
     values = 0.4 / 1.45 * where
-    found = difference([poses(values)], [poses(where)], is_apart=False)
+    ends = [poses(values)]
+    found = difference(ends, [poses(where)], no_errors(ends), is_apart=False)
     assert np.abs(found.mean).max() < 1e-12
     assert found.half_width.max() < 1e-12
     np.testing.assert_allclose(found.sigma, values.std(axis=0, ddof=1))
+    np.testing.assert_allclose(found.spread, found.sigma)
+
+
+@pytest.mark.parametrize(("kept", "own"), [(0.0, 0.2), (0.5, 0.2), (1.0, 0.1)])
+def test_sigma_is_what_better_images_add_to_the_errors(kept: float, own: float) -> None:
+    """Of answers that keep a share of their error on the other image, and err anew."""
+    rng, count = np.random.default_rng(7), 4000
+    where, usual = mirrored(rng, count), rng.normal(0, 0.2, (count, 2))
+    other = kept * usual + rng.normal(0, own, (count, 2))
+    at, errors = [poses(where)], [poses(usual)]
+    found = difference([poses(other - usual)], at, errors, is_apart=False)
+    more = (kept * 0.2) ** 2 + own**2 - 0.2**2
+    noise = 6 * 0.2**2 / math.sqrt(count)
+    np.testing.assert_allclose(found.sigma**2, max(more, 0.0), atol=noise)
+    apart = ((1 - kept) * 0.2) ** 2 + own**2
+    np.testing.assert_allclose(found.spread**2, apart, rtol=0.1)
 
 
 def test_without_any_displacement_the_half_width_is_student_s() -> None:
     values = np.random.default_rng(3).normal(0, 1, (LEAST, 1))
     still = poses(np.zeros((LEAST, 2)))
-    found = difference([poses(values)], [still], is_apart=False)
+    ends = [poses(values)]
+    found = difference(ends, [still], no_errors(ends), is_apart=False)
     assert found.freedom == LEAST - 1
     expected = 2.200985 * values.std(ddof=1) / math.sqrt(LEAST)  # t of 11, a table's
     assert found.half_width[0] == pytest.approx(expected, rel=1e-6)
@@ -80,7 +105,7 @@ def test_without_any_displacement_the_half_width_is_student_s() -> None:
 def test_an_end_of_too_few_poses_is_refused() -> None:
     few = poses(np.zeros((LEAST // 2 - 1, 2)))
     with pytest.raises(ValueError, match="6 poses at least"):
-        difference([few], [few], is_apart=False)
+        difference([few], [few], [few], is_apart=False)
 
 
 def effect(mean: float, sigma: float) -> EffectDifference:
@@ -88,7 +113,7 @@ def effect(mean: float, sigma: float) -> EffectDifference:
     flat = np.abs(pair)
     place = AnswerShift(
         pairs=12, freedom=9, mean=pair, half_width=flat / 2, interval=flat / 4,
-        sigma=np.array([sigma, sigma]),
+        sigma=np.array([sigma, sigma]), spread=np.array([sigma, sigma]),
     )  # fmt: skip
     return EffectDifference(
         model=BetterModel(effects=("x",), by="x", ends=()), place=place, turn=None,
@@ -139,7 +164,8 @@ def test_what_trials_draw_is_in_no_bias_and_no_sigma_again() -> None:
     found = []
     for is_drawn in (False, True):
         values = [poses(mean + rng.normal(0, 0.1, (LEAST, 2))) for mean in (0.2, 0.6)]
-        place = difference(values, [poses(where)] * 2, is_apart=False)
+        at = [poses(where)] * 2
+        place = difference(values, at, no_errors(values), is_apart=False)
         model = BetterModel(effects=("a",), by="b", ends=(), is_drawn=is_drawn)
         found.append(
             EffectDifference(model=model, place=place, turn=None, image_error=0.1)
