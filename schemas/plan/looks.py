@@ -59,8 +59,7 @@ class EffectCost:
     # mean difference of its answers, target's frame; 0 of surfaces that trials draw
     bias_um: tuple[float, float]
     half_width_um: tuple[float, float]  # of that: two-sided 95 %, and of an interval
-    # by which it makes the answers' standard deviation larger, in squares; 0 as above
-    sigma_um: tuple[float, float]
+    sigma_um: tuple[float, float]  # standard deviation over the poses; 0 as above
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,11 @@ import numpy as np
 from scipy import special
 
 from microplan.arrays import FloatArray
+from microplan.planner.looks.model_errors.added_sigma import (
+    Changes,
+    PosedChange,
+    added_sigma,
+)
 from microplan.planner.looks.model_errors.better_models import BetterModel
 from microplan.planner.looks.model_errors.image_pairs import PairedAnswer
 from microplan.planner.looks.model_errors.used_poses import LEAST
@@ -33,8 +38,8 @@ class AnswerShift:
     mean: FloatArray
     half_width: FloatArray  # two-sided 95 %, with the interval
     interval: FloatArray  # half of the distance between both ends' means
-    spread: FloatArray  # standard deviation at an end, over poses
-    sigma: FloatArray  # by which it makes answers' standard deviation larger
+    sigma: FloatArray  # standard deviation at an end, over poses
+    changes: Changes = field(default_factory=dict)  # pose by pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,10 +177,6 @@ def difference(
     displacement is a control variate (Lavenberg and Welch 1981), so that what changes
     its sign with it has no part. The middle of two ends and half their distance are
     each known so well: both count.
-
-    An answer that hangs on details, as of a threshold, errs otherwise on another image,
-    and no more: the variance of d + e is that of d and of e and twice their covariance,
-    which is negative then. `sigma` is what is left beside e.
     """
     if any(len(end) < LEAST // 2 for end in ends):
         raise ValueError(f"an end needs {LEAST // 2} poses at least")
@@ -193,8 +194,8 @@ def difference(
         mean=np.mean(means, axis=0),
         half_width=interval + len(ends) * _student(free) * error,
         interval=interval,
-        spread=np.sqrt(_pooled(ends, ends)),
-        sigma=_added(ends, errors),
+        sigma=_pooled([list(end.values()) for end in ends]),
+        changes=_changes(ends, at_um, errors),
     )
 
 
@@ -215,8 +216,8 @@ def _of_both(
         mean=middle.mean,
         half_width=interval + _student(free) * error,
         interval=interval,
-        spread=np.sqrt(_pooled(ends, ends)),
-        sigma=_added(ends, errors),
+        sigma=_pooled([list(end.values()) for end in ends]),
+        changes=_changes([{k: (low[k] + high[k]) / 2 for k in both}], at_um, errors),
     )
 
 
@@ -247,28 +248,33 @@ def _student(freedom: int) -> float:
     return float(special.stdtrit(freedom, _SHARE))
 
 
-def _added(ends: Sequence[Poses], errors: Sequence[Poses]) -> FloatArray:
-    """Return by which differences make the standard deviation of errors larger, (K,).
+def _changes(
+    ends: Sequence[Poses], at_um: Sequence[Poses], errors: Sequence[Poses]
+) -> Changes:
+    """Return differences pose by pose, each without the mean of its end."""
+    found = {}
+    for values, places, usual in zip(ends, at_um, errors, strict=False):
+        mean = np.mean(list(values.values()), axis=0)
+        for trial, value in values.items():
+            found[trial] = PosedChange(
+                at_um=places[trial], error=usual[trial], change=value - mean
+            )
+    return found
 
-    In squares; 0 where they do not.
-    """
-    more = _pooled(ends, ends) + 2 * _pooled(ends, errors)
-    return np.sqrt(np.maximum(more, 0.0))
 
-
-def _pooled(ends: Sequence[Poses], others: Sequence[Poses]) -> FloatArray:
-    """Return the covariance at an end, about its own mean, over the poses, (K,)."""
-    rest: FloatArray = np.zeros(1)
-    for one, other in zip(ends, others, strict=True):
-        a, b = (np.array([each[trial] for trial in one]) for each in (one, other))
-        rest = rest + ((a - a.mean(axis=0)) * (b - b.mean(axis=0))).sum(axis=0)
-    return rest / (sum(map(len, ends)) - len(ends))
+def _pooled(values: Sequence[Sequence[FloatArray]]) -> FloatArray:
+    """Return the standard deviation about each group's own mean, (K,)."""
+    groups = [np.array(each) for each in values]
+    rest = np.sum([((g - g.mean(axis=0)) ** 2).sum(axis=0) for g in groups], axis=0)
+    found: FloatArray = np.sqrt(rest / (sum(map(len, groups)) - len(groups)))
+    return found
 
 
 def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
     """Return what all effects cost together, None of none.
 
-    Poses are the same for all of them: half-widths and standard deviations add up.
+    Poses are the same for all of them: half-widths add up, and so would standard
+    deviations at most.
     """
     if not found:
         return None
@@ -282,13 +288,13 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
         bias_um=_pair(_sum([place.mean for place in places])),
         half_width_um=_pair(_sum([place.half_width for place in places])),
         interval_um=_pair(_sum([place.interval for place in places])),
-        sigma_um=_pair(_sum([place.sigma for place in places])),
-        spread_um=_pair(_sum([place.spread for place in places])),
+        sigma_um=_pair(_added(places)),
+        spread_um=_pair(_sum([place.sigma for place in places])),
         bias_theta_rad=_one([t.mean for t in known]) if is_turned else None,
         half_width_theta_rad=_one([t.half_width for t in known]) if is_turned else None,
         interval_theta_rad=_one([t.interval for t in known]) if is_turned else None,
-        sigma_theta_rad=_one([t.sigma for t in known]) if is_turned else None,
-        spread_theta_rad=_one([t.spread for t in known]) if is_turned else None,
+        sigma_theta_rad=float(_added(known)[0]) if is_turned else None,
+        spread_theta_rad=_one([t.sigma for t in known]) if is_turned else None,
         drawn_um=_pair(_sum([place.half_width for place in drawn])),
         drawn_theta_rad=_one([t.half_width for t in drawn_turns])
         if is_turned
@@ -302,6 +308,13 @@ def _shifts(
     """Return the shifts of places, and of angles where they are measured."""
     turns = [each.turn for each in found if each.turn is not None]
     return [each.place for each in found], turns
+
+
+def _added(shifts: Sequence[AnswerShift]) -> FloatArray:
+    """Return by which shifts make standard deviations larger: at most their sum."""
+    most = _sum([shift.sigma for shift in shifts])
+    found = added_sigma([s.changes for s in shifts]) if shifts else None
+    return most if found is None else np.minimum(found, most)
 
 
 def _sum(values: Sequence[FloatArray]) -> FloatArray:

@@ -50,7 +50,6 @@ def charge_um(half_width_um: float) -> tuple[EffectDifference, ...]:
     """Return a charge that has this half-width along x, and no sigma."""
     shift = AnswerShift(
         pairs=12, freedom=6, mean=np.zeros(2), sigma=np.zeros(2),
-        spread=np.zeros(2),
         half_width=np.array([half_width_um, 0.0]), interval=np.zeros(2),
     )  # fmt: skip
     model = BetterModel(effects=(WALLS,), by="solid bodies", ends=())
@@ -207,7 +206,6 @@ def test_an_angle_that_is_needed_has_to_stand_too(
     found = Field((AREA,), {AREA.chain: 0.1})
     turn = AnswerShift(
         pairs=12, freedom=6, mean=np.zeros(1), sigma=np.zeros(1),
-        spread=np.zeros(1),
         half_width=np.array([half_rad]), interval=np.zeros(1),
     )  # fmt: skip
     (place,) = charge_um(0.1)

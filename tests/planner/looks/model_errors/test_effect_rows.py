@@ -36,7 +36,7 @@ def walls() -> EffectDifference:
     shift = AnswerShift(
         pairs=12, freedom=6, mean=np.array([0.03, 0.04]),
         half_width=np.array([0.2, 0.1]), interval=np.zeros(2),
-        sigma=np.array([0.1, 0.3]), spread=np.array([0.2, 0.4]),
+        sigma=np.array([0.1, 0.3]),
     )  # fmt: skip
     model = BetterModel(effects=(WALLS,), by="solid bodies", ends=())
     return EffectDifference(model=model, place=shift, turn=None, image_error=0.11)

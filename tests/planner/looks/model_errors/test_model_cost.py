@@ -74,22 +74,6 @@ def test_an_error_that_changes_its_sign_has_a_spread_and_no_bias() -> None:
     assert np.abs(found.mean).max() < 1e-12
     assert found.half_width.max() < 1e-12
     np.testing.assert_allclose(found.sigma, values.std(axis=0, ddof=1))
-    np.testing.assert_allclose(found.spread, found.sigma)
-
-
-@pytest.mark.parametrize(("kept", "own"), [(0.0, 0.2), (0.5, 0.2), (1.0, 0.1)])
-def test_sigma_is_what_better_images_add_to_the_errors(kept: float, own: float) -> None:
-    """Of answers that keep a share of their error on the other image, and err anew."""
-    rng, count = np.random.default_rng(7), 4000
-    where, usual = mirrored(rng, count), rng.normal(0, 0.2, (count, 2))
-    other = kept * usual + rng.normal(0, own, (count, 2))
-    at, errors = [poses(where)], [poses(usual)]
-    found = difference([poses(other - usual)], at, errors, is_apart=False)
-    more = (kept * 0.2) ** 2 + own**2 - 0.2**2
-    noise = 6 * 0.2**2 / math.sqrt(count)
-    np.testing.assert_allclose(found.sigma**2, max(more, 0.0), atol=noise)
-    apart = ((1 - kept) * 0.2) ** 2 + own**2
-    np.testing.assert_allclose(found.spread**2, apart, rtol=0.1)
 
 
 def test_without_any_displacement_the_half_width_is_student_s() -> None:
@@ -113,7 +97,7 @@ def effect(mean: float, sigma: float) -> EffectDifference:
     flat = np.abs(pair)
     place = AnswerShift(
         pairs=12, freedom=9, mean=pair, half_width=flat / 2, interval=flat / 4,
-        sigma=np.array([sigma, sigma]), spread=np.array([sigma, sigma]),
+        sigma=np.array([sigma, sigma]),
     )  # fmt: skip
     return EffectDifference(
         model=BetterModel(effects=("x",), by="x", ends=()), place=place, turn=None,

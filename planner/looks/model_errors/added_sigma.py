@@ -1,0 +1,60 @@
+"""By how much errors of images make the standard deviation of answers larger."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PosedChange:
+    """What a better image changes of an answer at one pose, along K axes."""
+
+    at_um: FloatArray  # (3,), displacement of the target, and of the focus
+    error: FloatArray  # (K,), of the usual answer
+    change: FloatArray  # (K,), the better one's less that, without the mean of its end
+
+
+Changes = Mapping[int, PosedChange]  # by the number of a trial
+
+
+def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
+    """Return by how much effects make the standard deviation of answers larger, (K,).
+
+    In squares, all effects together; None of too few common poses.
+
+    Parameters
+    ----------
+    effects : sequence of mapping of int to PosedChange
+        Of one chain at the same poses.
+
+    Notes
+    -----
+    What follows a plane over the displacements and the focus is new, and its variance
+    counts. About the plane an answer that hangs on details, as of a threshold, errs
+    otherwise on another image, and no more: the variance of a sum is that of both parts
+    and twice their covariance, which is negative then. A positive one is not believed
+    of so few pairs: upper bounds count all that answers differ by.
+    """
+    common = [trial for trial in effects[0] if all(trial in each for each in effects)]
+    if not common:
+        return None
+    poses = [effects[0][trial] for trial in common]
+    change = np.array([sum(each[t].change for each in effects) for t in common])
+    error = np.array([pose.error for pose in poses])
+    matrix = np.array([[1.0, *pose.at_um] for pose in poses])
+    rank = int(np.linalg.matrix_rank(matrix))
+    free = len(common) - rank
+    if free < 1:
+        return None
+    left, errs = (each - matrix @ np.linalg.pinv(matrix) @ each
+                  for each in (change, error))  # fmt: skip
+    about = (left**2).sum(axis=0) / free
+    along = np.maximum(change.var(axis=0, ddof=1) - about, 0.0)
+    more = about + 2 * (left * errs).sum(axis=0) / free
+    found: FloatArray = np.sqrt(along + np.clip(more, 0.0, about))
+    return found

@@ -1,0 +1,82 @@
+"""What errors of images add to sigma, by draws of what answers may do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from microplan.planner.looks.model_errors.added_sigma import (
+    Changes,
+    PosedChange,
+    added_sigma,
+)
+
+USUAL = 0.2  # standard deviation of answers on usual images, um
+
+
+def changes(at: np.ndarray, usual: np.ndarray, other: np.ndarray) -> Changes:
+    """Return what other answers change of usual ones."""
+    rest = (other - usual) - (other - usual).mean(axis=0)
+    rows = zip(at, usual, rest, strict=True)
+    return {
+        k: PosedChange(at_um=a, error=e, change=d) for k, (a, e, d) in enumerate(rows)
+    }
+
+
+def draws(count: int, seed: int = 7) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return displacements, errors of usual answers, and fresh ones as large as 1."""
+    rng = np.random.default_rng(seed)
+    at, usual, fresh = (rng.normal(0, s, (count, n))
+                        for s, n in ((1, 3), (USUAL, 2), (1, 2)))  # fmt: skip
+    return at, usual, fresh
+
+
+@pytest.mark.parametrize(("kept", "own"), [(0.0, 0.2), (0.5, 0.2), (1.0, 0.1)])
+def test_answers_that_err_otherwise_add_what_they_err_more(
+    kept: float, own: float
+) -> None:
+    """A share of the usual error is kept on the other image, the rest is new."""
+    at, usual, fresh = draws(4000)
+    found = added_sigma([changes(at, usual, kept * usual + own * fresh)])
+    more = max((kept * USUAL) ** 2 + own**2 - USUAL**2, 0.0)
+    assert found is not None
+    np.testing.assert_allclose(found**2, more, atol=6 * USUAL**2 / math.sqrt(4000))
+
+
+def test_what_follows_place_and_focus_counts_whatever_answers_err_besides() -> None:
+    at, usual, fresh = draws(4000)
+    slope = np.array([[0.1, 0.0], [0.0, 0.0], [0.0, 0.3]])
+    found = added_sigma([changes(at, usual, at @ slope + USUAL * fresh)])
+    assert found is not None
+    np.testing.assert_allclose(found, [0.1, 0.3], atol=0.03)
+
+
+def test_effects_that_cancel_each_other_add_nothing() -> None:
+    at, usual, fresh = draws(50)
+    one, other = (changes(at, usual, usual + sign * fresh) for sign in (1, -1))
+    found = added_sigma([one, other])
+    assert found is not None
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)
+
+
+def test_a_few_pairs_promise_too_little_less_often_than_too_much() -> None:
+    """In the mean over draws of 12 the variance is right, or larger."""
+    found = []
+    for seed in range(300):
+        at, usual, fresh = draws(12, seed)
+        part = added_sigma([changes(at, usual, 0.3 * usual + USUAL * fresh)])
+        assert part is not None
+        found.append(part**2)
+    more = (0.3 * USUAL) ** 2
+    assert more < np.mean(found) < USUAL**2
+
+
+def test_too_few_common_poses_say_nothing() -> None:
+    at, usual, fresh = draws(8)
+    whole = changes(at, usual, fresh)
+    few = {k: each for k, each in whole.items() if k < 4}
+    late = {k: each for k, each in whole.items() if k >= 4}
+    assert added_sigma([whole, few]) is None
+    assert added_sigma([few, late]) is None
