@@ -86,16 +86,21 @@ def _readings(
 def _aligned(
     task: Task, state: State, target: Place, goal: Place, readings: Axis4
 ) -> State:
-    """Return the state after the carrier of `target` went to `readings`."""
+    """Return the state after the carrier of `target` went to `readings`.
+
+    What lies on the stage is then near what the robot holds. The robot itself follows
+    its goal: both are as far from where the plan has them.
+    """
     moved = state.carried(target.carrier, readings)
-    if target.carrier == "robot":
-        return moved
     axes = axes_of(task, target.carrier)
-    sigma_um = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
+    by_robot = target.carrier == "robot"
+    lying, held = (goal, target) if by_robot else (target, goal)
+    sigma_um = math.hypot(held.sigma_xy_um, axes.repeatability_xy_um)
     return replace(
         moved,
-        stage_sigma_um=math.hypot(sigma_um, target.sigma_xy_um),
-        pinned={target.owner: sigma_um},
+        stage_sigma_um=math.hypot(sigma_um, lying.sigma_xy_um),
+        pinned={lying.owner: sigma_um},
+        followed_um=lying.sigma_xy_um if by_robot else 0.0,
     )
 
 

@@ -66,6 +66,9 @@ class State:
     tip_sigma_um: float  # standard deviation of the grip's position, per axis
     pinned: Mapping[str, float]  # part -> sigma in the world, while a servo holds it
     located: frozenset[str]  # names measured since they last changed hands
+    # standard deviation of how far the robot has followed a goal that lies elsewhere
+    # than planned: all that is near both is off by it together, which a run has seen
+    followed_um: float = 0.0
 
     def axes(self, carrier: Carrier) -> Axis4:
         """Return the readings of one axis group."""
@@ -106,6 +109,12 @@ class Place:
     z_um: float
     sigma_xy_um: float
     sigma_theta_rad: float
+    followed_um: float = 0.0  # as `State.followed_um`, besides
+
+    @property
+    def frame_sigma_um(self) -> float:
+        """Return the sigma of where it is seen in the frame, per axis, um."""
+        return math.hypot(self.sigma_xy_um, self.followed_um)
 
 
 def initial(task: Task) -> State:
@@ -233,6 +242,7 @@ def locate_place(task: Task, state: State, name: str) -> Place:
         z_um=part_z_um(task, state, owner) + face_um(part, inner),
         sigma_xy_um=part_sigma_um(state, owner),
         sigma_theta_rad=held.sigma_theta_rad,
+        followed_um=state.followed_um,
     )
 
 
@@ -274,6 +284,7 @@ def _tool_place(task: Task, state: State, name: str, tool: Tool) -> Place:
         z_um=state.robot.z_um + tool.thickness_um,
         sigma_xy_um=state.tip_sigma_um,
         sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
+        followed_um=state.followed_um,
     )
 
 

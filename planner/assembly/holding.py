@@ -240,6 +240,7 @@ def release(task: Task, state: State, step: TaskStep, report: Report) -> State:
     left = replace(
         part,
         carrier="stage",
+        sigma_xy_um=math.hypot(part.sigma_xy_um, state.followed_um),
         pose=stage_pose(task, state.stage).inverse().compose(world),
         z_um=state.robot.z_um
         + part.z_um

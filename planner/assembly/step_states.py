@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -30,12 +31,23 @@ def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State
     if axes == "robot":
         turned = to.theta_rad is not None and to.theta_rad != state.robot.theta_rad
         tip_um = turned_tip_um(task) if turned else state.tip_sigma_um
+        if (to.x_um, to.y_um) != (None, None):
+            tip_um = _left_behind_um(task, state, tip_um)
         return replace(state, robot=state.robot.moved(to), tip_sigma_um=tip_um)
     stage = state.stage.moved(to)
     if to.x_um is None and to.y_um is None and to.theta_rad is None:
         return replace(state, stage=stage)
     sigma_um = task.workcell.stage.axes.repeatability_xy_um
-    return replace(state, stage=stage, stage_sigma_um=sigma_um, pinned={})
+    return replace(
+        state, stage=stage, stage_sigma_um=sigma_um, pinned={}, followed_um=0.0,
+        tip_sigma_um=_left_behind_um(task, state, state.tip_sigma_um),
+    )  # fmt: skip
+
+
+def _left_behind_um(task: Task, state: State, tip_um: float) -> float:
+    """Return sigma of the grip once the robot has left what it followed, um."""
+    rest_um = task.workcell.robot.axes.repeatability_xy_um
+    return max(tip_um, math.hypot(rest_um, state.followed_um))
 
 
 def apply_move(

@@ -90,7 +90,7 @@ def zoom_range(cell: Workcell, shape: TargetShape, place: Place) -> ZoomRange:
             magnification=field,
             by="field",
             reason=f"{x1 - x0:.4g} x {y1 - y0:.4g} um with {SIGMAS:g} sigma of "
-            f"{place.sigma_xy_um:.3g} um to each side",
+            f"{place.frame_sigma_um:.3g} um to each side",
         ),
         ZoomBound(end="most", magnification=high, by="workcell", reason="the highest"),
     ]
@@ -112,7 +112,7 @@ def zoom_range(cell: Workcell, shape: TargetShape, place: Place) -> ZoomRange:
 
 def field_limit(cell: Workcell, box_um: Box, place: Place) -> float:
     """Return the magnification at which a box and two sigma just reach the rim."""
-    camera, margin_um = cell.camera, SIGMAS * place.sigma_xy_um
+    camera, margin_um = cell.camera, SIGMAS * place.frame_sigma_um
     x0, y0, x1, y1 = box_um
     x, y = place.pose.x_um, place.pose.y_um
     reach_um = (max(x + x1, -(x + x0)) + margin_um, max(y + y1, -(y + y0)) + margin_um)
@@ -192,7 +192,7 @@ def useful_magnification(cell: Workcell, magnification: float) -> float:
 def in_field(microscope: Microscope, box_um: Box, place: Place) -> bool:
     """Return whether a box stays in the field at two sigma."""
     half_x, half_y = (size / 2 for size in microscope.field_um)
-    margin_um = SIGMAS * place.sigma_xy_um
+    margin_um = SIGMAS * place.frame_sigma_um
     x0, y0, x1, y1 = box_um
     return (
         place.pose.x_um + x1 + margin_um <= half_x
@@ -223,7 +223,8 @@ def _report_field(
     x0, y0, x1, y1 = shape.box_um
     middle = (-(x0 + x1) / 2, -(y0 + y1) / 2)  # where the box is in the middle
     centred = replace(place, pose=replace(place.pose, x_um=middle[0], y_um=middle[1]))
-    if not in_field(lowest, shape.box_um, replace(centred, sigma_xy_um=0.0)):
+    certain = replace(centred, sigma_xy_um=0.0, followed_um=0.0)
+    if not in_field(lowest, shape.box_um, certain):
         at, what = None, "too large for"
         hint = "allow a lower magnification, or target a smaller feature"
     elif not in_field(lowest, shape.box_um, centred):
@@ -241,7 +242,7 @@ def _report_field(
         at or origin.target,
         f"look {origin.look!r}: {shape.name} is {x1 - x0:.4g} x {y1 - y0:.4g} um at "
         f"({place.pose.x_um:.4g}, {place.pose.y_um:.4g}) um, give or take "
-        f"{SIGMAS * place.sigma_xy_um:.3g} um: "
+        f"{SIGMAS * place.frame_sigma_um:.3g} um: "
         f"{what} the field of {width:.4g} x {height:.4g} um at the lowest "
         f"magnification {lowest.magnification:g}",
         hint,

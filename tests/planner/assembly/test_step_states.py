@@ -165,6 +165,39 @@ def test_a_move_of_the_stage_undoes_what_the_servo_pinned() -> None:
     assert part_sigma_um(lifted, "shaft_plate") < 2
 
 
+def test_a_robot_follows_its_goal_to_where_that_is() -> None:
+    """The plate is 10 um off, not off the gear that was brought over its post."""
+    _, states = example()
+    robot, plate = 0.4, math.hypot(10, 1)
+    aligned = states["over_shaft"].at_look
+    gear = part_sigma_um(aligned, "gear")
+    assert gear < 2
+    assert part_sigma_um(aligned, "shaft_plate") == pytest.approx(
+        math.hypot(gear, robot)
+    )
+    seated = states[
+        "check_seated"
+    ].at_look  # the robot is gone, the stage has not moved
+    assert part_sigma_um(seated, "shaft_plate") == part_sigma_um(aligned, "shaft_plate")
+    for name in ("gear", "shaft_plate.post"):  # the camera sees both as far off
+        there = locate_place(read(EXAMPLE / "task.yaml"), seated, name)
+        assert there.frame_sigma_um == pytest.approx(
+            math.hypot(plate, part_sigma_um(seated, there.owner))
+        )
+    assert seated.tip_sigma_um == pytest.approx(math.hypot(robot, plate))
+
+
+def test_a_move_of_the_stage_ends_what_the_robot_followed(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "{robot: {z_um: 400}}, ", "{robot: {z_um: 400}}, {stage: {y_um: 9}}, ")
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    left = states["retract"].after
+    assert (left.pinned, left.followed_um) == ({}, 0.0)
+    plate = math.hypot(10, 1)
+    assert part_sigma_um(left, "shaft_plate") == pytest.approx(plate)
+    assert part_sigma_um(left, "gear") > plate  # it was put down where the post is
+
+
 def test_changing_hands_forgets_where_a_part_is() -> None:
     _, states = example()
     assert "gear" in states["bring_between"].after.located
