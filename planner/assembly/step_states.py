@@ -38,6 +38,11 @@ def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State
     if to.x_um is None and to.y_um is None and to.theta_rad is None:
         return replace(state, stage=stage)
     sigma_um = task.workcell.stage.axes.repeatability_xy_um
+    if state.followed_um > 0 and to.theta_rad is None:
+        more_um = math.sqrt(2) * sigma_um  # one error is lost, another one got
+        pinned = {k: math.hypot(v, more_um) for k, v in state.pinned.items()}
+        sigma_um = math.hypot(state.stage_sigma_um, more_um)
+        return replace(state, stage=stage, stage_sigma_um=sigma_um, pinned=pinned)
     return replace(
         state, stage=stage, stage_sigma_um=sigma_um, pinned={}, followed_um=0.0,
         tip_sigma_um=_left_behind_um(task, state, state.tip_sigma_um),

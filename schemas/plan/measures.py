@@ -113,7 +113,7 @@ class ModelCost:
     # standard deviation of the differences over the poses, all of which the upper bound
     # of `sigma_um` counts; None in plans of before: it is `sigma_um`
     spread_um: tuple[float, float] | None = None
-    spread_theta_rad: float | None = None
+    spread_theta_rad: float | None = None  # as `spread_um`; None: as above
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -187,11 +187,29 @@ def test_a_robot_follows_its_goal_to_where_that_is() -> None:
     assert seated.tip_sigma_um == pytest.approx(math.hypot(robot, plate))
 
 
-def test_a_move_of_the_stage_ends_what_the_robot_followed(tmp_path: Path) -> None:
+def test_a_move_of_the_stage_errs_beside_what_the_robot_followed(
+    tmp_path: Path,
+) -> None:
+    _, before = example()
     file = copy_example(tmp_path / "task")
     change(file, "{robot: {z_um: 400}}, ", "{robot: {z_um: 400}}, {stage: {y_um: 9}}, ")
-    states = {s.step.id: s for s in unfold(read(file), Report())}
-    left = states["retract"].after
+    left = {s.step.id: s for s in unfold(read(file), Report())}["retract"].after
+    for name in ("gear", "shaft_plate"):
+        still = part_sigma_um(before["retract"].after, name)
+        assert part_sigma_um(left, name) == pytest.approx(
+            math.hypot(still, math.sqrt(2))
+        )
+    assert left.followed_um == before["retract"].after.followed_um > 10
+
+
+def test_a_turn_of_the_stage_ends_what_the_robot_followed(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(
+        file,
+        "{robot: {z_um: 400}}, ",
+        "{robot: {z_um: 400}}, {stage: {theta_deg: 1}}, ",
+    )
+    left = {s.step.id: s for s in unfold(read(file), Report())}["retract"].after
     assert (left.pinned, left.followed_um) == ({}, 0.0)
     plate = math.hypot(10, 1)
     assert part_sigma_um(left, "shaft_plate") == pytest.approx(plate)
