@@ -1,15 +1,20 @@
-"""Surfaces of bodies that are not known, where a thick one is by the line of sight."""
+"""Surfaces of bodies that are not known, where walls of one count."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
+
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.unknown_surfaces import UnknownSurface
+from microplan.featuresel.routines.contract import Target
 from microplan.optics.light.transmitted import is_clear
 from microplan.planner.assembly.assembly import Body
 
+# Mean of a target's normals from which they look one way; a notch takes .05 of a ring.
+_ONE_WAY = 0.1
 Box = tuple[float, float, float, float]  # least and greatest x and y, um
 
 
@@ -19,8 +24,9 @@ def unknown_surfaces(
     """Return what walls and faces in a look may reflect; none where walls hardly count.
 
     They count where rays from the target's edges to the lens, or from the lens past
-    them, meet another body of some thickness. Light from below or aside is left out:
-    there walls are part of every image.
+    them, meet another body of some thickness; the target's own where its edges look one
+    way more than the other: through focus walls move edges along their normals. Light
+    from below or aside is left out: there walls are part of every image.
 
     Parameters
     ----------
@@ -35,9 +41,11 @@ def unknown_surfaces(
     if case.ring is not None or is_clear(layers) or case.treatment == "occluded":
         return ()
     made = by_layer(bodies)
-    own = case.target.name.partition(".")[0]
-    others = {la.name for la in case.static if la.name.partition(".")[0] != own}
-    if not any(_is_by(case, made[name]) for name in others if name in made):
+    names = {layer.name for layer in layers} & made.keys()
+    if _is_balanced(case.target):
+        own = case.target.name.partition(".")[0]
+        names = {name for name in names if name.partition(".")[0] != own}
+    if not any(_is_by(case, made[name]) for name in names):
         return ()
     return tuple(
         _surface(made[layer.name], layer.name, layer.z_um, tools)
@@ -66,6 +74,14 @@ def _surface(
         wall=body.surface.wall,
         finish=body.surface.finish,
     )
+
+
+def _is_balanced(target: Target) -> bool:
+    """Return whether the normals of a target's edges add up to next to nothing."""
+    if not target.contour:
+        return True
+    normal = np.array(target.contour)[:, 2:].mean(axis=0)
+    return bool(np.hypot(*normal) < _ONE_WAY)
 
 
 def _is_by(case: LookCase, body: Body) -> bool:
