@@ -51,7 +51,8 @@ def promised(look: Look) -> Promise:
 def _unseen(look: Look) -> FloatArray:
     """Return bias, half-width and sigma of what the cell does not show, (3, 2) um.
 
-    A look's costs are the sums of its rows' (`ModelCost`), of its own target alone.
+    A look's bias and half-width are the sums of its rows' (`ModelCost`), of its own
+    target alone; its sigma is that sum at most, so that less of it is left than may be.
     """
     costs = [row.cost for row in look.effects if row.effect in UNSEEN]
     rows = [

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -76,9 +78,11 @@ class _Judged:
 
 
 def replayed_looks(
-    task_file: Path, plan_file: Path, pictures: int
+    task_file: Path, plan_file: Path, pictures: int, jobs: int = 1
 ) -> list[ReplayedLook]:
     """Return every look of a plan, measured on so many pictures of the solid camera.
+
+    By so many processes.
 
     Of each the target's pose, the zoom, the focus, the light's side, the noise, and all
     other bodies' places are drawn as the plan's own trials have them, walls and faces
@@ -93,25 +97,26 @@ def replayed_looks(
     task = load_task(str(task_file), Report())
     if task is None:
         raise RuntimeError(f"{task_file} cannot be read")
-    for name, trial in trial_cases(task, looks):
-        judged = _Judged(
-            seer=viewer(plan, plan_file.parent, artifacts, name),
-            plan_file=plan_file,
-            placed=scenes[name],
-            trial=trial,
-            angle_sigma_rad=angles.get(name),
-        )
-        promise = promised(looks[name])
-        errors = [_error_um(judged, promise, seed) for seed in range(pictures)]
-        good = [error for error in errors if error is not None]
-        found.append(
-            ReplayedLook(
-                id=name,
-                errors_um=np.array(good).reshape(-1, 2),
-                failed=len(errors) - len(good),
-                promise=promise,
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        for name, trial in trial_cases(task, looks):
+            judged = _Judged(
+                seer=viewer(plan, plan_file.parent, artifacts, name),
+                plan_file=plan_file,
+                placed=scenes[name],
+                trial=trial,
+                angle_sigma_rad=angles.get(name),
             )
-        )
+            promise = promised(looks[name])
+            errors = pool.map(partial(_error_um, judged, promise), range(pictures))
+            good = [error for error in errors if error is not None]
+            found.append(
+                ReplayedLook(
+                    id=name,
+                    errors_um=np.array(good).reshape(-1, 2),
+                    failed=len(errors) - len(good),
+                    promise=promise,
+                )
+            )
     return found
 
 
@@ -256,7 +261,7 @@ def figures(looks: Sequence[ReplayedLook], preset: str) -> Iterator[Figure]:
 
 def _measure(options: Options) -> Iterator[Figure]:
     with long_plan(GEAR, options) as plan_file:
-        looks = replayed_looks(GEAR.file, plan_file, PICTURES)
+        looks = replayed_looks(GEAR.file, plan_file, PICTURES, options.jobs)
         yield from figures(looks, PRESET)
 
 
