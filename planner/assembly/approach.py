@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from microplan.arrays import Box
+from microplan.optics.outline.clip import grown
 from microplan.planner.assembly.assembly import (
     Axis4,
     Place,
@@ -14,6 +15,7 @@ from microplan.planner.assembly.assembly import (
     carrier_pose,
     locate_place,
     owner_of,
+    planned_sigma_um,
 )
 from microplan.planner.assembly.swept_volume import SIGMAS, sweep_hits
 from microplan.planner.source.diagnostics import Report
@@ -38,7 +40,9 @@ def approach(
         rotation_rad = math.remainder(off_rad, math.tau)
     readings = _readings(task, state, target, goal, rotation_rad)
     after = _aligned(task, state, target, goal, readings)
-    hits = {path: _path_hits(task, state, target, readings, path) for path in PATHS}
+    hits = {
+        path: _path_hits(task, state, target, goal, readings, path) for path in PATHS
+    }
     for path in PATHS:
         if not hits[path]:
             return after, path
@@ -96,11 +100,15 @@ def _aligned(
     by_robot = target.carrier == "robot"
     lying, held = (goal, target) if by_robot else (target, goal)
     sigma_um = math.hypot(held.sigma_xy_um, axes.repeatability_xy_um)
+    planned_um = planned_sigma_um(task, state, lying.owner)
+    followed_um = planned_um if by_robot else state.followed_um
     return replace(
         moved,
-        stage_sigma_um=math.hypot(sigma_um, lying.sigma_xy_um),
+        stage_sigma_um=math.hypot(sigma_um, planned_um),
         pinned={lying.owner: sigma_um},
-        followed_um=lying.sigma_xy_um if by_robot else 0.0,
+        followed_um=0.0 if state.strayed_um and not by_robot else followed_um,
+        strayed_um=0.0,
+        stage_moved_um=0.0,
     )
 
 
@@ -108,18 +116,22 @@ def _path_hits(
     task: Task,
     state: State,
     target: Place,
+    goal: Place,
     readings: Axis4,
     path: tuple[str, ...],
 ) -> tuple[tuple[str, str], ...]:
     """Return the pairs that would touch along a path.
 
     The target starts anywhere within two sigma of its nominal position and ends at the
-    goal: each leg takes up the deviation along its own axes. The first leg rotates.
+    goal: each leg takes up the deviation along its own axes. The first leg rotates. A
+    robot goes as far off as its goal is, which only the goal's own owner is, too.
     """
     rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2
     axis = state.axes(target.carrier)
     here, found = state, []
+    by_robot = target.carrier == "robot"
+    off_um = SIGMAS * planned_sigma_um(task, state, goal.owner) if by_robot else 0.0
     for leg in path:
         deviation: Box = (-left[0], -left[1], left[0], left[1])
         axis = replace(
@@ -129,10 +141,16 @@ def _path_hits(
             theta_rad=readings.theta_rad,
         )
         there = here.carried(target.carrier, axis)
-        hits = sweep_hits(
-            task, here, there, carrier=target.carrier, deviation=deviation
-        )
-        found += [(hit.moving, hit.still) for hit in hits]
+        for more_um, of_goal in ((0.0, True), (off_um, False)):
+            hits = sweep_hits(
+                task, here, there, carrier=target.carrier,
+                deviation=grown(deviation, more_um),
+            )  # fmt: skip
+            found += [
+                (hit.moving, hit.still)
+                for hit in hits
+                if (owner_of(hit.still) == goal.owner) is of_goal
+            ]
         left = [
             rest if name in leg else value
             for name, value in zip("xy", left, strict=True)

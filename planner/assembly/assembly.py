@@ -66,9 +66,11 @@ class State:
     tip_sigma_um: float  # standard deviation of the grip's position, per axis
     pinned: Mapping[str, float]  # part -> sigma in the world, while a servo holds it
     located: frozenset[str]  # names measured since they last changed hands
-    # standard deviation of how far the robot has followed a goal that lies elsewhere
-    # than planned: all that is near both is off by it together, which a run has seen
+    # sigma of how far a goal, and the robot that was brought to it, are from their
+    # planned places; both are off together, which a run has seen
     followed_um: float = 0.0
+    strayed_um: float = 0.0  # the same of the grip alone, since it has left that goal
+    stage_moved_um: float = 0.0  # sigma of what the stage errs by since it moved away
 
     def axes(self, carrier: Carrier) -> Axis4:
         """Return the readings of one axis group."""
@@ -203,10 +205,27 @@ def part_sigma_um(state: State, name: str) -> float:
     """Return the sigma of a part's position in the world, per axis, um."""
     part = state.parts[name]
     if name in state.pinned:
-        return state.pinned[name]
+        return math.hypot(state.pinned[name], state.stage_moved_um)
     if part.carrier == "stage":
-        return math.hypot(part.sigma_xy_um, state.stage_sigma_um)
-    return math.hypot(part.sigma_xy_um, state.tip_sigma_um)
+        sigma_um = math.hypot(part.sigma_xy_um, state.stage_sigma_um)
+        return math.hypot(sigma_um, state.stage_moved_um)
+    return math.hypot(part.sigma_xy_um, grip_sigma_um(state))
+
+
+def grip_sigma_um(state: State) -> float:
+    """Return the sigma of the grip beside what it may have followed, per axis, um."""
+    return math.hypot(state.tip_sigma_um, state.strayed_um)
+
+
+def planned_sigma_um(task: Task, state: State, name: str) -> float:
+    """Return the sigma of a part on the stage from where the plan has it, um.
+
+    Whatever it is near.
+    """
+    if state.followed_um == 0:
+        return part_sigma_um(state, name)
+    rest_um = task.workcell.stage.axes.repeatability_xy_um
+    return math.hypot(state.parts[name].sigma_xy_um, rest_um)
 
 
 def height_sigma_um(task: Task, state: State, owner: str) -> float:
@@ -282,7 +301,7 @@ def _tool_place(task: Task, state: State, name: str, tool: Tool) -> Place:
         carrier="robot",
         pose=robot_pose(state.robot),
         z_um=state.robot.z_um + tool.thickness_um,
-        sigma_xy_um=state.tip_sigma_um,
+        sigma_xy_um=grip_sigma_um(state),
         sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
         followed_um=state.followed_um,
     )
@@ -334,7 +353,7 @@ def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
             surface=tool.surface,
-            sigma_xy_um=state.tip_sigma_um,
+            sigma_xy_um=grip_sigma_um(state),
             sigma_z_um=axes.repeatability_z_um,
         )
         for name, outline in opened_fingers(tool, state.opening_um)

@@ -31,28 +31,24 @@ def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State
     if axes == "robot":
         turned = to.theta_rad is not None and to.theta_rad != state.robot.theta_rad
         tip_um = turned_tip_um(task) if turned else state.tip_sigma_um
-        if (to.x_um, to.y_um) != (None, None):
-            tip_um = _left_behind_um(task, state, tip_um)
-        return replace(state, robot=state.robot.moved(to), tip_sigma_um=tip_um)
+        moves = (to.x_um, to.y_um) != (None, None)
+        return replace(
+            state, robot=state.robot.moved(to), tip_sigma_um=tip_um,
+            strayed_um=state.followed_um if moves else state.strayed_um,
+        )  # fmt: skip
     stage = state.stage.moved(to)
     if to.x_um is None and to.y_um is None and to.theta_rad is None:
         return replace(state, stage=stage)
     sigma_um = task.workcell.stage.axes.repeatability_xy_um
     if state.followed_um > 0 and to.theta_rad is None:
-        more_um = math.sqrt(2) * sigma_um  # one error is lost, another one got
-        pinned = {k: math.hypot(v, more_um) for k, v in state.pinned.items()}
-        sigma_um = math.hypot(state.stage_sigma_um, more_um)
-        return replace(state, stage=stage, stage_sigma_um=sigma_um, pinned=pinned)
+        # one error is lost and another one got, however often it moves
+        return replace(state, stage=stage, stage_moved_um=math.sqrt(2) * sigma_um)
+    # about another place than planned the robot stays, if it has followed there
+    strayed_um = 0.0 if state.strayed_um else state.followed_um
     return replace(
         state, stage=stage, stage_sigma_um=sigma_um, pinned={}, followed_um=0.0,
-        tip_sigma_um=_left_behind_um(task, state, state.tip_sigma_um),
+        strayed_um=strayed_um, stage_moved_um=0.0,
     )  # fmt: skip
-
-
-def _left_behind_um(task: Task, state: State, tip_um: float) -> float:
-    """Return sigma of the grip once the robot has left what it followed, um."""
-    rest_um = task.workcell.robot.axes.repeatability_xy_um
-    return max(tip_um, math.hypot(rest_um, state.followed_um))
 
 
 def apply_move(

@@ -24,7 +24,7 @@ class Effort:
     pairs: int = 12  # of images that tell what a model's errors cost a chain; even
 
 
-# 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 show .99.
+# 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 .99.
 # Failures have half of that doubt: 74 random trials show .95 of a plan whose looks are
 # made once, 128 of one whose looks are made 1.7 times.
 PRESETS: Mapping[Preset, Effort] = {

@@ -23,7 +23,7 @@ from microplan.planner.views.target_views import (
     views,
 )
 from microplan.planner.views.targets import TargetShape, shape_of
-from microplan.planner.views.views import ViewPlan
+from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 from microplan.schemas.plan.views import CoarseFirst
 
 SUFFIX = "coarse"  # of a coarse look's id
@@ -132,7 +132,7 @@ def fine_request(
     if not _is_clear(task, request):
         return None
     position_sigma_um = math.hypot(moved_um, _position_sigma_um(task, request, seen))
-    if position_sigma_um > GAIN * target_at.sigma_xy_um:
+    if position_sigma_um > GAIN * target_at.frame_sigma_um:
         return None
     known = PriorKnowledge(
         about_um=needed_shape(task, coarse).center_um,
@@ -182,7 +182,7 @@ def _position_sigma_um(task: Task, request: Request, seen: CoarseLook) -> float:
     optics = task.workcell.optics
     far_um = (
         math.hypot(target_at.pose.x_um, target_at.pose.y_um)
-        + SIGMAS * target_at.sigma_xy_um
+        + SIGMAS * target_at.frame_sigma_um
     )
     height_um = abs(target_at.z_um - seen.focus_um)
     return math.hypot(
@@ -196,7 +196,8 @@ def _position_sigma_um(task: Task, request: Request, seen: CoarseLook) -> float:
 def _most_um(task: Task, request: Request) -> float:
     """Return how far a target may have to be moved."""
     target_at = target_pose(task, request, needed_shape(task, request))
-    return FAR * search_um(task, target_at)
+    far_um = SEARCH_SIGMAS * target_at.followed_um
+    return FAR * math.hypot(search_um(task, target_at), far_um)
 
 
 def _is_clear(task: Task, request: Request) -> bool:

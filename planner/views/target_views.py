@@ -271,6 +271,7 @@ def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
         place = replace(
             place,
             sigma_xy_um=request.known.sigma_um,
+            followed_um=0.0,
             sigma_theta_rad=place.sigma_theta_rad if theta_rad is None else theta_rad,
         )
     x_um, y_um = place.pose.apply(*shape.center_um)

@@ -91,7 +91,8 @@ class Repeatability:
 class ModelCost:
     """What images that are not quite right cost a chain, by pairs with better ones.
 
-    Sums over the effects that are above their limits, in the target's frame.
+    Sums over the effects that are above their limits, in the target's frame, but for
+    `sigma_um`: theirs (`EffectCost`) are of the differences alone.
     """
 
     pairs: int  # of images that the chain answered both of, of the effect with fewest

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.planner.looks.model_errors.used_poses import LEAST
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +26,7 @@ Changes = Mapping[int, PosedChange]  # by the number of a trial
 def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
     """Return by how much effects make the standard deviation of answers larger, (K,).
 
-    In squares, all effects together; None of too few common poses.
+    In squares, all effects together; None of fewer than `LEAST` common poses.
 
     Parameters
     ----------
@@ -37,11 +38,10 @@ def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
     What follows a plane over the displacements and the focus is new, and its variance
     counts. About the plane an answer that hangs on details, as of a threshold, errs
     otherwise on another image, and no more: the variance of a sum is that of both parts
-    and twice their covariance, which is negative then. A positive one is not believed
-    of so few pairs: upper bounds count all that answers differ by.
+    and twice their covariance, which is negative then.
     """
     common = [trial for trial in effects[0] if all(trial in each for each in effects)]
-    if not common:
+    if len(common) < LEAST:
         return None
     poses = [effects[0][trial] for trial in common]
     change = np.array([sum(each[t].change for each in effects) for t in common])
@@ -49,12 +49,10 @@ def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
     matrix = np.array([[1.0, *pose.at_um] for pose in poses])
     rank = int(np.linalg.matrix_rank(matrix))
     free = len(common) - rank
-    if free < 1:
-        return None
     left, errs = (each - matrix @ np.linalg.pinv(matrix) @ each
                   for each in (change, error))  # fmt: skip
     about = (left**2).sum(axis=0) / free
     along = np.maximum(change.var(axis=0, ddof=1) - about, 0.0)
     more = about + 2 * (left * errs).sum(axis=0) / free
-    found: FloatArray = np.sqrt(along + np.clip(more, 0.0, about))
+    found: FloatArray = np.sqrt(along + np.maximum(more, 0.0))
     return found

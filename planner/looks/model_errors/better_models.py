@@ -166,11 +166,12 @@ def _coloured(case: LookCase) -> BetterModel:
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with solid bodies, walls at both ends of what they reflect."""
-    made = by_layer(bodies)
+    made, tried = by_layer(bodies), _as_tried(case)
     return BetterModel(
         effects=(WALLS,),
         by="solid bodies, their walls as dark and as bright as they may be",
-        ends=_ends(case, lambda layer, end: _solid(layer, made, end)),
+        ends=_ends(tried, lambda layer, end: _solid(layer, made, end)),
+        against=tried,
         alternates=True,
         is_drawn=bool(case.surfaces),
     )
@@ -178,13 +179,21 @@ def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
 
 def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with faces as dull and as much of mirrors as they may be."""
-    made = by_layer(bodies)
+    made, tried = by_layer(bodies), _as_tried(case)
     return BetterModel(
         effects=(FINISH,),
         by="faces that are dull, and that are mirrors",
-        ends=_ends(case, lambda layer, end: _polished(layer, made, end)),
+        ends=_ends(tried, lambda layer, end: _polished(layer, made, end)),
+        against=tried,
         is_drawn=bool(case.surfaces),
     )
+
+
+def _as_tried(case: LookCase) -> LookCase:
+    """Return a look whose rays are those of trials, where these draw surfaces."""
+    if not case.surfaces:
+        return case
+    return replace(case, sampling=replace(case.sampling, rays=RAYS))
 
 
 def _solid(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:
@@ -203,12 +212,7 @@ def _polished(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:
 def _ends(
     case: LookCase, changed: Callable[[Layer, int], Layer]
 ) -> tuple[ImageModel, ...]:
-    """Return the look at both ends of an interval; one where they are the same.
-
-    Where trials draw what lies between, rays are those of trials.
-    """
-    if case.surfaces:
-        case = replace(case, sampling=replace(case.sampling, rays=RAYS))
+    """Return the look at both ends of an interval; one where they are the same."""
     found = tuple(
         replace(
             case,

@@ -39,7 +39,7 @@ class AnswerShift:
     half_width: FloatArray  # two-sided 95 %, with the interval
     interval: FloatArray  # half of the distance between both ends' means
     sigma: FloatArray  # standard deviation at an end, over poses
-    changes: Changes = field(default_factory=dict)  # pose by pose
+    changes: tuple[Changes, ...] = ()  # pose by pose, of each end tried at all of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +195,7 @@ def difference(
         half_width=interval + len(ends) * _student(free) * error,
         interval=interval,
         sigma=_pooled([list(end.values()) for end in ends]),
-        changes=_changes(ends, at_um, errors),
+        changes=(_changes(ends, at_um, errors),),
     )
 
 
@@ -217,7 +217,10 @@ def _of_both(
         half_width=interval + _student(free) * error,
         interval=interval,
         sigma=_pooled([list(end.values()) for end in ends]),
-        changes=_changes([{k: (low[k] + high[k]) / 2 for k in both}], at_um, errors),
+        changes=tuple(
+            _changes([end], [at], [usual])
+            for end, at, usual in zip(ends, at_um, errors, strict=True)
+        ),
     )
 
 
@@ -253,7 +256,7 @@ def _changes(
 ) -> Changes:
     """Return differences pose by pose, each without the mean of its end."""
     found = {}
-    for values, places, usual in zip(ends, at_um, errors, strict=False):
+    for values, places, usual in zip(ends, at_um, errors, strict=True):
         mean = np.mean(list(values.values()), axis=0)
         for trial, value in values.items():
             found[trial] = PosedChange(
@@ -311,10 +314,20 @@ def _shifts(
 
 
 def _added(shifts: Sequence[AnswerShift]) -> FloatArray:
-    """Return by which shifts make standard deviations larger: at most their sum."""
+    """Return by how much shifts make standard deviations larger, at the worse ends.
+
+    Their sum where poses in common are too few.
+    """
     most = _sum([shift.sigma for shift in shifts])
-    found = added_sigma([s.changes for s in shifts]) if shifts else None
-    return most if found is None else np.minimum(found, most)
+    if not shifts or not all(shift.changes for shift in shifts):
+        return most
+    ends = max(len(shift.changes) for shift in shifts)
+    found = [
+        added_sigma([shift.changes[end % len(shift.changes)] for shift in shifts])
+        for end in range(ends)
+    ]
+    known = [each for each in found if each is not None]
+    return np.asarray(np.max(known, axis=0)) if len(known) == ends else most
 
 
 def _sum(values: Sequence[FloatArray]) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Surfaces of bodies that are not known, where walls of one count."""
+"""Surfaces that are not known, in looks that walls change."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ import pytest
 from microplan.planner.assembly.assembly import (
     State,
     bodies,
+    grip_sigma_um,
     locate_place,
     part_pose,
     part_sigma_um,
@@ -184,7 +185,53 @@ def test_a_robot_follows_its_goal_to_where_that_is() -> None:
         assert there.frame_sigma_um == pytest.approx(
             math.hypot(plate, part_sigma_um(seated, there.owner))
         )
-    assert seated.tip_sigma_um == pytest.approx(math.hypot(robot, plate))
+    assert grip_sigma_um(seated) == pytest.approx(math.hypot(robot, plate))
+
+
+def test_a_robot_that_is_aligned_again_has_followed_no_less(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    again = "align, target: gear.bore, to: shaft_plate.post, method: auto}"
+    change(file, "  - {id: insert,", f"  - {{id: again, do: {again}\n  - {{id: insert,")
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    first, then = (states[name].at_look for name in ("over_shaft", "again"))
+    assert then.followed_um >= first.followed_um > 10
+    assert part_sigma_um(then, "shaft_plate") == pytest.approx(
+        part_sigma_um(first, "shaft_plate")
+    )
+    assert then.stage_sigma_um == pytest.approx(first.stage_sigma_um)  # of other parts
+
+
+def test_a_robot_that_left_what_it_followed_is_as_far_off_until_it_is_back(
+    tmp_path: Path,
+) -> None:
+    """Whatever it turns, and whatever looks at it."""
+    file = copy_example(tmp_path / "task")
+    there = "{robot: {z_um: 400}}, {robot: {y_um: 3000}}"
+    change(file, there, f"{there}, {{robot: {{theta_deg: 2}}}}")
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    gone = states["retract"].after
+    plate = math.hypot(10, 1)
+    assert gone.strayed_um == pytest.approx(plate)
+    assert grip_sigma_um(gone) == pytest.approx(math.hypot(gone.tip_sigma_um, plate))
+    assert grip_sigma_um(states["insert"].after) < 1  # it is there
+
+
+def test_a_part_beside_the_goal_is_farther_off_than_the_goal(tmp_path: Path) -> None:
+    """A robot follows its goal by 10 um, and may meet what lies beside it."""
+    part = (
+        "spare: {drawing: {file: parts/gear18.dxf, units: um, layers: [OUTLINE]}, "
+        "thickness_um: 320, reflectance: 0.8, material: nickel}"
+    )
+    for gap, refused in ((8, True), (60, False)):
+        file = copy_example(tmp_path / f"{gap}")
+        start = f"spare: {{on: stage, x_um: 0, y_um: {-100 - gap}, sigma_xy_um: 0.1}}"
+        change(file, "parts:  ", f"parts:\n  {part}\n#")
+        change(file, "start:  ", f"start:\n  {start}\n#")
+        report = Report()
+        unfold(read(file), report)
+        hits = [f.message for f in report.in_order if f.code == "MP303"]
+        assert any("over_shaft" in hit for hit in hits) is refused
+        assert bool(hits) is refused
 
 
 def test_a_move_of_the_stage_errs_beside_what_the_robot_followed(

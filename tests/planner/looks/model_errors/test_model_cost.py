@@ -170,3 +170,36 @@ def test_what_trials_draw_is_in_no_bias_and_no_sigma_again() -> None:
     together = together_cost([both, alone], 50.0)
     assert together is not None
     assert together.drawn_um == (max(both.drawn_um),) * 2
+
+
+def test_an_interval_adds_what_its_worse_end_does() -> None:
+    """Ends that follow the place to either side: their middle does not move."""
+    where = mirrored(np.random.default_rng(8))
+    at = [poses(where)] * 2
+    ends = [poses(0.4 * where), poses(-0.1 * where)]
+    place = difference(ends, at, no_errors(ends), is_apart=False)
+    model = BetterModel(effects=("a",), by="b", ends=())
+    cost = model_cost(
+        [EffectDifference(model=model, place=place, turn=None, image_error=0.1)]
+    )
+    assert cost is not None
+    np.testing.assert_allclose(cost.sigma_um, 0.4 * where.std(axis=0, ddof=1))
+
+
+def test_effects_are_added_pose_by_pose_their_spreads_at_most() -> None:
+    rng, where = np.random.default_rng(9), mirrored(np.random.default_rng(9))
+    one, other = rng.normal(0, 0.1, (2, LEAST, 2))
+    effects = []
+    for values in (one, other - one):
+        ends = [poses(values)]
+        place = difference(ends, [poses(where)], no_errors(ends), is_apart=False)
+        model = BetterModel(effects=("a",), by="b", ends=())
+        effects.append(
+            EffectDifference(model=model, place=place, turn=None, image_error=0.1)
+        )
+    cost = model_cost(effects)
+    assert cost is not None
+    assert cost.spread_um == pytest.approx(
+        tuple(sum(each.place.sigma for each in effects))
+    )
+    np.testing.assert_allclose(cost.sigma_um, other.std(axis=0, ddof=1), rtol=0.25)
