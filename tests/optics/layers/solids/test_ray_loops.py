@@ -1,0 +1,128 @@
+"""Compiled loops over rays against cylinders in closed form, and ray by ray."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from microplan.optics.layers.solids import ray_loops
+from microplan.optics.layers.solids.straight_rays import (
+    Rays,
+    ThickBody,
+    heights_between,
+    hides,
+    rays_of,
+)
+from microplan.optics.outline.distance_field import distance_field
+from tests.optics.shapes import disc
+
+AREA = (-60.0, -60.0, 60.0, 60.0)
+RADIUS_UM, AT = 20.0, (3.0, -2.0)
+SOFT = 0.02
+LEFT_OUT = math.inf
+
+
+def post(top_um: float, under_um: float, *, is_sharp: bool = False) -> ThickBody:
+    """Return a round post that mirrors."""
+    field = distance_field(disc(RADIUS_UM, AT), AREA)
+    assert field is not None
+    return ThickBody(
+        distance=field, top_um=top_um, under_um=under_um, wall_reflectance=0.5,
+        is_sharp=is_sharp,
+    )  # fmt: skip
+
+
+def drawn(count: int = 60) -> Rays:
+    """Return rays of all slopes about the post."""
+    rng = np.random.default_rng(3)
+    return rays_of(rng.uniform(-45, 45, (count, 2)), rng.uniform(-0.4, 0.4, (40, 2)))
+
+
+def first_met(
+    bodies: list[ThickBody], rays: Rays, floor_um: float, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    whose = np.empty(first.shape, dtype=np.intp)
+    ray_loops.first_met(
+        *ray_loops.packed(bodies), floor_um, rays.x_um, rays.y_um,
+        rays.across[0], rays.up[0], first, whose,
+    )  # fmt: skip
+    return first, whose
+
+
+def cylinder(rays: Rays, top_um: float, low_um: float) -> np.ndarray:
+    """Return where rays from above meet the post in closed form, -inf: nowhere."""
+    x, y = rays.x_um - AT[0], rays.y_um - AT[1]
+    dx, dy = rays.across, rays.up
+    a, b = dx**2 + dy**2, x * dx + y * dy
+    root = b**2 - a * (x**2 + y**2 - RADIUS_UM**2)
+    with np.errstate(invalid="ignore"):
+        enters = (-b + np.sqrt(root)) / a  # the higher of both: rays come down
+        leaves = (-b - np.sqrt(root)) / a
+    on_top = (enters >= top_um) & (leaves < top_um) & (root > 0)
+    wall = (enters < top_um) & (enters > low_um) & (root > 0)
+    return np.where(on_top, top_um, np.where(wall, enters, -np.inf))
+
+
+def shape(rays: Rays) -> tuple[int, int]:
+    return rays.x_um.shape[0], rays.across.shape[1]
+
+
+@pytest.mark.parametrize("floor_um", [-80.0, -10.0, 20.0])
+def test_rays_meet_a_cylinder_where_geometry_says(floor_um: float) -> None:
+    """To a grid's half step over the slope; grazing ones aside."""
+    rays, top, under = drawn(), 60.0, -50.0
+    first, whose = first_met(
+        [post(top, under)], rays, floor_um, np.zeros(shape(rays), dtype=np.float32)
+    )
+    true = cylinder(rays, top, max(under, floor_um))
+    both = np.isfinite(first) & np.isfinite(true)
+    assert np.mean(np.isfinite(first) == np.isfinite(true)) > 0.98
+    slope = np.broadcast_to(np.hypot(rays.across, rays.up), shape(rays))
+    off = np.abs(first[both] - true[both]) * slope[both]
+    assert np.quantile(off, 0.98) < 0.4
+    assert both.mean() > 0.1
+    assert ((whose >= 0) == (np.isfinite(first) & (first < top))).all()
+
+
+def test_rays_that_are_left_out_meet_nothing_and_change_no_other() -> None:
+    rays, bodies = drawn(), [post(-20.0, -50.0), post(60.0, 0.0)]
+    every, all_whose = first_met(
+        bodies, rays, -60.0, np.zeros(shape(rays), dtype=np.float32)
+    )
+    out = np.random.default_rng(4).random(shape(rays)) < 0.5
+    given = np.where(out, LEFT_OUT, 0.0).astype(np.float32)
+    first, whose = first_met(bodies, rays, -60.0, given)
+    assert (whose[out] == -1).all()
+    assert (whose[~out] == all_whose[~out]).all()
+    assert (first[~out] == every[~out]).all()
+
+
+@pytest.mark.parametrize("is_sharp", [False, True])
+@pytest.mark.parametrize(("from_um", "to_um"), [(60.0, -50.0), (0.0, -90.0)])
+def test_what_a_wall_hides_is_its_least_distance_ray_by_ray(
+    from_um: float, to_um: float, *, is_sharp: bool
+) -> None:
+    rays, body = drawn(20), post(from_um, to_um, is_sharp=is_sharp)
+    found = hides(body, rays, SOFT, from_um=from_um, to_um=to_um)
+    heights = heights_between(rays, from_um, to_um)
+    widths = 1.0 + SOFT * np.abs(heights)
+    expected = np.empty(shape(rays))
+    for p, r in np.ndindex(*shape(rays)):
+        at = (rays.x_um[p] + heights * rays.across[0, r],
+              rays.y_um[p] + heights * rays.up[0, r])  # fmt: skip
+        d = body.distance.at(*(each.astype(np.float32) for each in at))
+        least = _approached(d, widths) if is_sharp else float((d / widths).min())
+        expected[p, r] = np.clip(0.5 - least, 0.0, 1.0)
+    assert 0.1 < expected.mean() < 0.9
+    # a place midway between two points of the grid is rounded either way
+    assert np.mean(np.abs(found - expected) > 1e-4) < 0.02
+
+
+def _approached(d: np.ndarray, widths: np.ndarray) -> float:
+    """Return the least distance, in widths, once a ray comes nearer; else the last."""
+    nearer = np.flatnonzero(np.diff(d) < 0)
+    if not nearer.size:
+        return float(d[-1] / widths[-1])
+    return float((d / widths)[nearer[0] + 1 :].min())
