@@ -18,7 +18,12 @@ from microplan.planner.task.task import Part, Task
 from microplan.planner.views.check_task import check_task
 from microplan.planner.views.requests import requests
 from microplan.planner.views.scenes import EDGE_POINTS, shade_of
-from microplan.planner.views.target_views import needed_shape, target_pose, views
+from microplan.planner.views.target_views import (
+    needed_shape,
+    search_um,
+    target_pose,
+    views,
+)
 from microplan.planner.views.targets import TargetShape, shape_of
 from microplan.planner.views.views import SEARCH_SIGMAS, light_level, region_for
 from microplan.planner.views.zooms import in_field, microscope_at
@@ -96,6 +101,22 @@ def test_the_region_holds_the_target_within_the_frame(
     assert right <= region.column + region.columns - 1 <= 639
     assert 0 <= region.row <= top
     assert region.row + region.rows <= 480
+
+
+@given(sigma_um=st.floats(0.1, 20), followed_um=st.floats(0.1, 20))
+def test_a_region_has_room_for_what_the_robot_followed(
+    sigma_um: float, followed_um: float
+) -> None:
+    """As for a target that is as far off by itself; the search goes no farther."""
+    task = example()
+    scope, box = microscope_at(task.workcell, LOW), gear(task).box_um
+    near = replace(spot(0.0, 0.0, sigma_um), followed_um=followed_um)
+    far = spot(0.0, 0.0, math.hypot(sigma_um, followed_um))
+    assert region_for(scope, box, near, 0.0) == region_for(scope, box, far, 0.0)
+    assert search_um(task, near) == search_um(task, spot(0.0, 0.0, sigma_um))
+    for zoom in (LOW, 4 * LOW, 8 * LOW):
+        at = microscope_at(task.workcell, zoom)
+        assert in_field(at, box, near) is in_field(at, box, far)
 
 
 def test_the_brightest_face_stays_below_full_scale_in_the_worst_light(

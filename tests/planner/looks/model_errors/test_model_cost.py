@@ -200,6 +200,6 @@ def test_effects_are_added_pose_by_pose_their_spreads_at_most() -> None:
     cost = model_cost(effects)
     assert cost is not None
     assert cost.spread_um == pytest.approx(
-        tuple(sum(each.place.sigma for each in effects))
+        tuple(np.sum([each.place.sigma for each in effects], axis=0))
     )
     np.testing.assert_allclose(cost.sigma_um, other.std(axis=0, ddof=1), rtol=0.25)
