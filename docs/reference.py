@@ -21,7 +21,7 @@ from reference_keys import key_tables, row
 
 from microplan.executor.cli.arguments import build_parser as run_parser
 from microplan.executor.devices.errors import CODES
-from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.world import build_world
 from microplan.planner.cli.arguments import build_parser
 from microplan.planner.source.diagnostics import TITLES, Report

@@ -7,20 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.approach import approach
-from microplan.planner.assembly.assembly import (
-    Carrier,
-    State,
-    initial,
-    locate_place,
-    owner_of,
-    turned_tip_um,
-)
+from microplan.planner.assembly.assembly import Carrier, State, locate_place, owner_of
 from microplan.planner.assembly.certain_starts import (
     report_certain_starts,
     report_faces,
     report_unused_input,
 )
 from microplan.planner.assembly.holding import grasp, release
+from microplan.planner.assembly.initial_state import initial, turned_tip_um
 from microplan.planner.assembly.swept_volume import Hit, sweep_hits
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Move, Reading, Task, TaskStep

@@ -14,7 +14,8 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 
-from microplan.planner.assembly.assembly import State, initial
+from microplan.planner.assembly.assembly import State
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import (
     axis_move,

@@ -20,7 +20,8 @@ from microplan.featuresel.features.factorial_design import words
 from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.lens.jacobian import to_px
 from microplan.optics.render.render import render
-from microplan.planner.assembly.assembly import Axis4, initial
+from microplan.planner.assembly.assembly import Axis4
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.world import build_world
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task

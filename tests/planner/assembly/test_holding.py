@@ -9,8 +9,9 @@ import pytest
 from scipy import stats
 
 from microplan.planner.assembly import holding
-from microplan.planner.assembly.assembly import Axis4, State, bodies, initial, with_part
+from microplan.planner.assembly.assembly import Axis4, State, bodies, with_part
 from microplan.planner.assembly.holding import between_jaws, grasp
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.shapes import CHORD_UM, polygon
 from microplan.planner.budget.budget import grasp_budget
 from microplan.planner.source.diagnostics import Report

@@ -9,14 +9,9 @@ from itertools import pairwise
 import pytest
 
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
-from microplan.planner.assembly.assembly import (
-    PartState,
-    State,
-    initial,
-    part_pose,
-    with_part,
-)
+from microplan.planner.assembly.assembly import PartState, State, part_pose, with_part
 from microplan.planner.assembly.holding import between_jaws, grasp, release
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.resting import resting
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.source.diagnostics import Diagnostic, Report

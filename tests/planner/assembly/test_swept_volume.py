@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from microplan.planner.assembly.assembly import Axis4, PartState, State, initial
+from microplan.planner.assembly.assembly import Axis4, PartState, State
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
 from microplan.planner.task.task import Task
 from microplan.schemas.pose import Pose

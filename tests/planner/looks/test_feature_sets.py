@@ -11,7 +11,7 @@ import pytest
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.looks.evaluation import unseen
 from microplan.planner.looks.scenario import MOST_TOGETHER, build_case, feature_case
 from microplan.planner.source.diagnostics import Report

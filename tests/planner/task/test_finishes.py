@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.world import build_world
 from microplan.planner.task.finishes import surface_finish
 from microplan.planner.views.scenes import world_scene

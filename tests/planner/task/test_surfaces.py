@@ -13,7 +13,7 @@ from microplan.executor.simulated.truth import made_truth
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
-from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.world import build_world
 from microplan.planner.task.surfaces import surfaces
 from microplan.planner.views.scenes import world_scene

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
-from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.task.task import Part, Task
 from microplan.planner.views.features import Proposals, offset_um, proposals
 from microplan.planner.views.targets import TargetShape, shape_of

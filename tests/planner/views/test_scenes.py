@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
-from microplan.planner.assembly.assembly import Axis4, Place, State, initial
+from microplan.planner.assembly.assembly import Axis4, Place, State
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.task.task import Task
 from microplan.planner.views.scenes import EDGE_POINTS, shade_of
 from microplan.planner.views.targets import shape_of

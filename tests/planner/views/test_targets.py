@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import shapely
 
-from microplan.planner.assembly.assembly import Axis4, bodies, initial
+from microplan.planner.assembly.assembly import Axis4, bodies
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.task.task import Task
 from microplan.planner.views.targets import JAWS_SEEN_UM, shape_of

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from microplan.executor.simulated.cell import build_cell
-from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of, initial
+from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.assembly.world import build_world
 from microplan.planner.source.diagnostics import Report

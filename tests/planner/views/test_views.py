@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
-from microplan.planner.assembly.assembly import Axis4, Place, State, initial
+from microplan.planner.assembly.assembly import Axis4, Place, State
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Part, Task

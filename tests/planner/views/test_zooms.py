@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from microplan.planner.assembly.assembly import Place, initial
+from microplan.planner.assembly.assembly import Place
+from microplan.planner.assembly.initial_state import initial
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
