@@ -100,6 +100,23 @@ def test_two_patterns_of_rays_differ_by_little() -> None:
     assert max(np.abs(f).max() for f in (one.above, *one.sharp)) > 0.02
 
 
+def test_fewer_rays_differ_by_what_trials_may() -> None:
+    optics, scene = microscope(), over_shaft()
+    view = ShadedView(
+        microscope=optics, focus_um=0.0, model="exact", frame=WINDOW, shift_um=(0, 0)
+    )
+    seen = cover(scene.layers, optics, focus_um=0.0, window=WINDOW)
+    faces, lattice = view.joint_faces(scene, seen, {}, 5.0)
+    usual, few = (
+        joint_residual(faces, lattice, optics, finer=finer) for finer in (1.0, 0.5)
+    )
+    assert usual is not None
+    assert few is not None
+    off = np.abs(usual.above - few.above)
+    assert 0 < off.max() < 0.01
+    assert np.sqrt(np.mean(off**2)) < 0.002
+
+
 def test_a_body_that_hides_all_leaves_what_lies_below_out() -> None:
     optics = microscope()
     lid = Layer(name="lid", outline=rectangle(-2e3, -2e3, 2e3, 2e3), z_um=300.0,

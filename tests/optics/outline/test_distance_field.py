@@ -41,6 +41,23 @@ def test_a_body_that_moves_keeps_its_distances() -> None:
     assert one.values is other.values
 
 
+def test_a_large_body_has_distances_where_they_are_wanted() -> None:
+    """Its grid is cut, and what is wanted near by shares it."""
+    radius_um, grids = 2000.0, []
+    for shift in (0.0, 10.0):
+        area = (1930.0 + shift, -70.0, 2070.0 + shift, 70.0)
+        field = distance_field(disc(radius_um), area)
+        assert field is not None
+        grids.append(field.values)
+        rng = np.random.default_rng(2)
+        x, y = rng.uniform((1940, -60), (2060, 60), (400, 2)).T.astype(np.float32)
+        truth = np.hypot(x, y) - radius_um
+        near = np.abs(truth) < BEYOND_UM
+        assert np.abs(field.at(x, y) - truth)[near].max() < RIM_UM
+    assert grids[0] is grids[1]
+    assert grids[0].size * STEP_UM**2 < 4 * 600**2  # not of all of it
+
+
 def test_a_body_far_off_has_no_distances() -> None:
     assert distance_field(place(disc(5.0), 4000.0, 0.0), AREA) is None
 
