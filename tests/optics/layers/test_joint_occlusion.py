@@ -108,13 +108,13 @@ def test_fewer_rays_differ_by_what_trials_may() -> None:
     seen = cover(scene.layers, optics, focus_um=0.0, window=WINDOW)
     faces, lattice = view.joint_faces(scene, seen, {}, 5.0)
     usual, few = (
-        joint_residual(faces, lattice, optics, finer=finer) for finer in (1.0, 0.5)
-    )
+        joint_residual(faces, lattice, optics, finer=finer) for finer in (1.0, 0.3)
+    )  # 256 of 1024 a point
     assert usual is not None
     assert few is not None
     off = np.abs(usual.above - few.above)
-    assert 0 < off.max() < 0.01
-    assert np.sqrt(np.mean(off**2)) < 0.002
+    assert 0 < off.max() < 0.003
+    assert np.sqrt(np.mean(off**2)) < 0.001
 
 
 def test_a_body_that_hides_all_leaves_what_lies_below_out() -> None:
