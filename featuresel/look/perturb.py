@@ -29,8 +29,8 @@ from microplan.optics.outline.outline import place
 from microplan.optics.render.scene import Layer
 from microplan.optics.render.view_range import Range
 
-# `microplan.optics.render.sampling.Sampling.rays` of trials: images differ from those of
-# all rays by less than a third of what walls change (tested), and take a fraction of
+# `microplan.optics.render.sampling.Sampling.rays` of trials: images differ from those
+# of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
 
