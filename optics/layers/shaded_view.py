@@ -80,7 +80,7 @@ class ShadedView:
     model: str
     frame: Window
     shift_um: tuple[float, float]
-    finer: float = 1.0  # as `microplan.optics.render.sampling.Sampling.rays`
+    rays: float = 1.0  # as `microplan.optics.render.sampling.Sampling.rays`
 
     def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""
@@ -183,7 +183,7 @@ class ShadedView:
         many times `finer`.
         """
         faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
-        found = joint_residual(faces, lattice, self.microscope, finer=self.finer)
+        found = joint_residual(faces, lattice, self.microscope, finer=self.rays)
         if found is None:
             return None
         change = self.at_pixels(found.below, lattice)

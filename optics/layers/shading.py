@@ -143,7 +143,7 @@ def _image(
         model=model,
         frame=frame,
         shift_um=shift_um,
-        finer=sampling.rays,
+        rays=sampling.rays,
     )
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
@@ -197,13 +197,11 @@ def _shaded(
             area = area_um(m, view.frame, view.shift_um, each.z_um - view.focus_um)
             joint = joint_light(
                 layers, each, m, lamp_aperture=lamp_aperture, area=area,
-                finer=view.finer,
+                finer=view.rays,
             )  # fmt: skip
             seen_um = m.blur_diameter_um(each.z_um - view.focus_um) / 2
             lamp = replace(m, aperture=lamp_aperture)
-            walls = solid_light(
-                layers, each.z_um, area, seen_um, lamp, finer=view.finer
-            )
+            walls = solid_light(layers, each.z_um, area, seen_um, lamp, finer=view.rays)
             changes = [change for change in (joint, walls) if change is not None]
             shaded[each.z_um] = view.face(each, changes)
     return shaded

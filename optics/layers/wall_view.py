@@ -73,7 +73,7 @@ def wall_residual(
     """
     if not is_solid([c.layer for c in covered]):
         return None
-    m, finer, layers = view.microscope, view.finer, [c.layer for c in covered]
+    m, finer, layers = view.microscope, view.rays, [c.layer for c in covered]
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
     walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)
