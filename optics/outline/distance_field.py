@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
 from microplan.optics.outline.clip import EdgeArrays, to_edges
 from microplan.optics.outline.outline import Arc, Outline, place
 from microplan.optics.outline.scanlines import cells
@@ -26,7 +26,6 @@ _ROUND = 5  # digits of um: what is moved back lies within 1e-9 um of itself
 _TILE = 48  # points
 _WHOLE = 1 << 20  # points of a grid that an outline has all over, wherever it is wanted
 _EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grids
-Box = tuple[float, float, float, float]
 Key = tuple[tuple[float, ...], ...]
 
 

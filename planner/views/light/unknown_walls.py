@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from microplan.arrays import Box
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.unknown_surfaces import UnknownSurface
@@ -15,7 +16,6 @@ from microplan.planner.assembly.assembly import Body
 
 # Mean of a target's normals from which they look one way; a notch takes .05 of a ring.
 _ONE_WAY = 0.1
-Box = tuple[float, float, float, float]  # least and greatest x and y, um
 
 
 def unknown_surfaces(
@@ -91,7 +91,7 @@ def _is_by(case: LookCase, body: Body) -> bool:
         return False
     ends = (body.z_low_um - case.focus_um, body.z_high_um - case.focus_um)
     reach_um = max(scope.blur_diameter_um(end) for end in ends) / 2
-    left, right, low, high = _target_box(case)
+    left, low, right, high = _target_box(case)
     x0, y0, x1, y1 = body.outline.bounds_um
     return (
         x0 - reach_um <= right
@@ -104,8 +104,8 @@ def _is_by(case: LookCase, body: Body) -> bool:
 def _target_box(case: LookCase) -> Box:
     """Return the box about the target's edges, in the world."""
     if not case.target.contour:
-        return (case.x_um, case.x_um, case.y_um, case.y_um)
+        return (case.x_um, case.y_um, case.x_um, case.y_um)
     column, row = contour_px(case.target)
     frame = case.frame
     x, y = zip(*map(frame.to_world, column.tolist(), row.tolist()), strict=True)
-    return (min(x), max(x), min(y), max(y))
+    return (min(x), min(y), max(x), max(y))
