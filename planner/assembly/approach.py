@@ -141,16 +141,13 @@ def _path_hits(
             theta_rad=readings.theta_rad,
         )
         there = here.carried(target.carrier, axis)
-        for more_um, of_goal in ((0.0, True), (off_um, False)):
-            hits = sweep_hits(
-                task, here, there, carrier=target.carrier,
-                deviation=grown(deviation, more_um),
-            )  # fmt: skip
-            found += [
-                (hit.moving, hit.still)
-                for hit in hits
-                if (owner_of(hit.still) == goal.owner) is of_goal
-            ]
+        near, far = (
+            sweep_hits(task, here, there, carrier=target.carrier, deviation=box)
+            for box in (deviation, grown(deviation, off_um))
+        )
+        hits = [hit for hit in near if owner_of(hit.still) == goal.owner]
+        hits += [hit for hit in far if owner_of(hit.still) != goal.owner]
+        found += [(hit.moving, hit.still) for hit in hits]
         left = [
             rest if name in leg else value
             for name, value in zip("xy", left, strict=True)

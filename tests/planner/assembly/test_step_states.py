@@ -1,4 +1,4 @@
-"""The example's twelve steps: who holds what, where, and by which path."""
+"""The example's thirteen steps: who holds what, where, and by which path."""
 
 from __future__ import annotations
 
