@@ -191,7 +191,8 @@ class _Watching:
         answer = measure_chain(image, stages, start)
         if isinstance(answer, Failure):
             return None
-        return self._rig.frame_of(look).to_world(answer.column, answer.row)
+        _, frame = self._rig.frame_of(look)
+        return frame.to_world(answer.column, answer.row)
 
 
 def _imaged_um(cell: Cell, x_um: float, y_um: float) -> tuple[float, float]:

@@ -136,6 +136,7 @@ def _error_um(judged: _Judged, promise: Promise, seed: int) -> FloatArray | None
     theta_rad = _theta_rad(cell, look, trial)
     seen = Picture(
         image=to_unit(grabbed.counts, cell.truth.world.optics.bits),
+        frame=seer.frame,
         expected=seer.expected,
         believed=seer.believed,
         dz_um=0.0,
@@ -222,7 +223,7 @@ def _measured(seer: Viewer, picture: Picture) -> tuple[float, float] | None:
     seen = []
     for measure in seer.look.measures:
         try:
-            shown = measured(seer, seer.look, measure, measure.chain, picture)
+            shown = measured(seer.artifacts, seer.look, measure, measure.chain, picture)
         except ExecutorError:
             continue
         seen.append(shown.seen)

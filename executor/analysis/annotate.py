@@ -99,7 +99,7 @@ class _Enlarged:
 
     def of_world(self, x_um: float, y_um: float) -> tuple[int, int]:
         """Return the picture's point of a world position, um."""
-        column, row = self.seer.frame_of(self.seer.look).to_pixel(x_um, y_um)
+        column, row = self.seer.frame.to_pixel(x_um, y_um)
         return self.on_picture(column, row)
 
 

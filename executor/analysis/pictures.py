@@ -88,9 +88,10 @@ class Viewer:
     reference: RegionStatistics | None  # None: the plan's image is not there
     bits: int | None = None
 
-    def frame_of(self, look: Look) -> LookFrame:
-        """Return the map between the look's region and the world, by the plan."""
-        return look_frame(look, self.plan.requirements, None)
+    @property
+    def frame(self) -> LookFrame:
+        """The map between the look's planned region and the world."""
+        return look_frame(self.look, self.plan.requirements, None)
 
 
 def viewer(
@@ -160,7 +161,11 @@ def find_in(seer: Viewer, path: Path) -> Finding:
     image = read.image
     part = cut(image, region)
     picture = Picture(
-        image=part, expected=seer.expected, believed=seer.believed, dz_um=0.0
+        image=part,
+        frame=seer.frame,
+        expected=seer.expected,
+        believed=seer.believed,
+        dz_um=0.0,
     )
     attempts = [a for m in look.measures for a in _attempts(seer, m, picture)]
     code, why, found_pose = _together(seer, attempts)
@@ -211,7 +216,7 @@ def _attempt(
     name = measure.feature or seer.look.target
     attempt = Attempt(feature=name, chain=tuple(use.id for use in uses), spare=is_spare)
     try:
-        shown = measured(seer, seer.look, measure, uses, picture)
+        shown = measured(seer.artifacts, seer.look, measure, uses, picture)
     except ExecutorError as error:
         return replace(attempt, code=error.code, why=error.message)
     gates = gates_of(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import bisect
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.arrays import Point
 from microplan.executor.devices.errors import ExecutorError
 from microplan.featuresel.routines.picture import RegionFrame
-from microplan.schemas.plan import Look, Plan, Requirements
+from microplan.schemas.plan import Look, Plan, Region, Requirements
+from microplan.schemas.pose import Pose
 
 
 def stable_gain(latency_frames: int, turn_rad: float = 0.0) -> float:
@@ -144,14 +145,18 @@ class LookFrame:
 
 
 def look_frame(
-    look: Look, need: Requirements, calibration: Calibration | None
+    look: Look,
+    need: Requirements,
+    calibration: Calibration | None,
+    region: Region | None = None,
 ) -> LookFrame:
-    """Return the map between a look's region and the world.
+    """Return the map between the region that a look reads and the world.
 
     By the station's calibration where it has one, else by the plan's own scale.
+    `region` is by default the planned one.
     """
     found = None if calibration is None else calibration.at(look.view.magnification)
-    region = look.measure.region
+    region = look.measure.region if region is None else region
     return LookFrame(
         region=RegionFrame(
             width_px=need.width_px,
@@ -161,6 +166,37 @@ def look_frame(
             column=region.column,
         ),
         shift_um=(0.0, 0.0) if found is None else found.shift_um,
+    )
+
+
+def followed_region(
+    look: Look, need: Requirements, planned: LookFrame, expected: Pose
+) -> Region:
+    """Return the region that a look reads, with its target where it is believed.
+
+    As many whole pixels off the planned one as the target is believed off its planned
+    place, if what is about it lies off as well (`View.follows`); within the frame.
+
+    Parameters
+    ----------
+    look : Look
+        Which look.
+    need : Requirements
+        The plan's, with the size of the frame.
+    planned : LookFrame
+        Of the planned region.
+    expected : Pose
+        Believed pose of the look's target, world.
+    """
+    region, at = look.measure.region, look.measure.reference
+    if not look.view.follows:
+        return region
+    column, row = planned.to_pixel(*expected.apply(*look.measure.offset_um))
+    down, right = round(row - at.row), round(column - at.column)
+    return replace(
+        region,
+        row=min(max(region.row + down, 0), need.height_px - region.rows),
+        column=min(max(region.column + right, 0), need.width_px - region.columns),
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.calibration import LookFrame
@@ -24,21 +23,12 @@ from microplan.schemas.plan import BiasAt, Look, Measure, RoutineUse
 from microplan.schemas.pose import Pose
 
 
-class Eye(Protocol):
-    """Context of measuring a picture: a rig, or a viewer of pictures."""
-
-    artifacts: Artifacts
-
-    def frame_of(self, look: Look) -> LookFrame:
-        """Return the map between a look's region and the world."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
     """A frame's region, and what was believed when it was taken."""
 
     image: FloatArray  # (rows, columns), 0..1 of full scale
+    frame: LookFrame  # of the region
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
@@ -55,13 +45,17 @@ class ShownFeature:
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
-    pixels: Measurement  # measured by the last of them, in the look's region
+    pixels: Measurement  # measured by the last of them, in the picture's region
+    frame: LookFrame  # of that region
 
     @property
     def found(self) -> FoundFeature:
         """Return the start of a look after a small correction."""
         return FoundFeature(
-            x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels
+            x_um=self.seen.x_um,
+            y_um=self.seen.y_um,
+            pixels=self.pixels,
+            frame=self.frame,
         )
 
 
@@ -134,17 +128,21 @@ def spare(measure: Measure) -> Measure:
 
 
 def _accepted(
-    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
+    rig: Rig, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
 ) -> ShownFeature:
     """Run one chain on the image and pass its answer through the gates."""
-    shown = measured(rig, look, measure, uses, picture)
+    shown = measured(rig.artifacts, look, measure, uses, picture)
     name = measure.feature or look.target
     _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
     return shown
 
 
 def measured(
-    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
+    artifacts: Artifacts,
+    look: Look,
+    measure: Measure,
+    uses: Sequence[RoutineUse],
+    picture: Picture,
 ) -> ShownFeature:
     """Return the answer of one chain, before any gate.
 
@@ -160,7 +158,7 @@ def measured(
     start_px = (measure.reference.column, measure.reference.row)
     if picture.trusted:
         at_um = picture.expected.apply(*measure.offset_um)
-        start_px = rig.frame_of(look).to_pixel(*at_um)
+        start_px = picture.frame.to_pixel(*at_um)
     column, row = start_px
     start = Guess(
         column=column,
@@ -170,8 +168,8 @@ def measured(
         else None,
         theta_assumed=True,
     )
-    stages = rig.artifacts.stages(key_of(look, measure), uses)
-    return _answer(rig, look, measure, stages, start, picture)
+    stages = artifacts.stages(key_of(look, measure), uses)
+    return _answer(look, measure, stages, start, picture)
 
 
 def _from_warm_start(
@@ -185,16 +183,14 @@ def _from_warm_start(
     routine = nearest_routine(measure.chain, warm_start, before, look.view.um_per_px)
     if routine is None:
         return None
-    frame = rig.frame_of(look)
     guess = guess_from(
         before,
-        frame.to_pixel(*picture.expected.apply(*measure.offset_um)),
-        frame.to_pixel(before.x_um, before.y_um),
+        picture.frame.to_pixel(*picture.expected.apply(*measure.offset_um)),
         picture.expected.theta_rad + measure.turn_rad,
     )
     ((_, arrays),) = rig.artifacts.stages(key_of(look, measure), measure.chain[-1:])
     try:
-        shown = _answer(rig, look, measure, [(routine, arrays)], guess, picture)
+        shown = _answer(look, measure, [(routine, arrays)], guess, picture)
         _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
         return shown
     except ExecutorError as error:
@@ -203,7 +199,6 @@ def _from_warm_start(
 
 
 def _answer(
-    rig: Eye,
     look: Look,
     measure: Measure,
     stages: Stages,
@@ -224,12 +219,12 @@ def _answer(
             f"look {look.id}: {name} not found ({found.code}): {found.message}",
             cause=found.code,
         )
-    shown = _shown(rig, look, measure, found, picture)
+    shown = _shown(look, measure, found, picture)
     return replace(shown, routines=tuple(routine for routine, _ in stages))
 
 
 def _shown(
-    rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
+    look: Look, measure: Measure, found: Measurement, picture: Picture
 ) -> ShownFeature:
     """Convert pixels to um and subtract the mean error that the trials showed.
 
@@ -238,7 +233,7 @@ def _shown(
     theta_rad = None if picture.believed is None else picture.believed.theta_rad
     if found.theta_rad is not None:
         theta_rad = found.theta_rad - measure.turn_rad
-    x_um, y_um = rig.frame_of(look).to_world(found.column, found.row)
+    x_um, y_um = picture.frame.to_world(found.column, found.row)
     if theta_rad is not None:
         more_x, more_y = bias_at(measure.bias_through_focus, picture.dz_um)
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
@@ -258,6 +253,7 @@ def _shown(
         spread_um=found.spread_px * look.view.um_per_px,
         routines=(),
         pixels=found,
+        frame=picture.frame,
     )
 
 

@@ -196,10 +196,12 @@ def _sight(
     stops = (look.view.focus_um, *look.view.focus_stops_um)
     focus_um = stops[(tries - 1) % len(stops)]
     rig.set_view(look.view, focus_um=focus_um)
-    counts = rig.grab(look.measure.region, look=look.id)
+    region, frame = rig.frame_of(look)
+    counts = rig.grab(region, look=look.id)
     readings = rig.readings()
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
+        frame=frame,
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),
         dz_um=focus_um - look.view.focus_um,

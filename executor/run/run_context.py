@@ -7,7 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from microplan.executor.devices.calibration import LookFrame, look_frame
+from microplan.executor.devices.calibration import (
+    LookFrame,
+    followed_region,
+    look_frame,
+)
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import (
@@ -258,7 +262,12 @@ class Rig:
             )
         return counts
 
-    def frame_of(self, look: Look) -> LookFrame:
-        """Return the map between a look's region and the world."""
-        calibration = self.station.offer.calibration
-        return look_frame(look, self.plan.requirements, calibration)
+    def frame_of(self, look: Look) -> tuple[Region, LookFrame]:
+        """Return the region that a look reads now, and its map to the world."""
+        calibration, need = self.station.offer.calibration, self.plan.requirements
+        planned = look_frame(look, need, calibration)
+        if not look.view.follows:
+            return look.measure.region, planned
+        expected = self.beliefs.world(look.target, self.readings())
+        region = followed_region(look, need, planned, expected)
+        return region, look_frame(look, need, calibration, region)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import overload
 
+import numpy as np
 from scipy.stats import truncnorm
 
 from microplan.arrays import FloatArray
@@ -274,12 +275,16 @@ def _trial(
 ) -> Trial:
     """Return the trial with its defocus model and noise seed."""
     sigma, (low, high) = spread.occluder_sigma_um, spread.noise
+    rng = generator(root, f"{case.key}/together {index}")
+    all_um = spread.together_um * rng.uniform(-1.0, 1.0, 2)
+    x_um, y_um = all_um + place_um
+    other_x_um, other_y_um = all_um + sigma * np.asarray(rest.occluder)
     # interior and extremes both meet both laws: the parity shifts by one every round
     other = (index + index // _EVERY) % 2 == 1
     return Trial(
         index=index,
-        dx_um=float(place_um[0]),
-        dy_um=float(place_um[1]),
+        dx_um=float(x_um),
+        dy_um=float(y_um),
         dtheta_rad=float(theta_rad),
         dz_um=float(dz_um),
         magnification=float(magnification),
@@ -288,7 +293,7 @@ def _trial(
         gradient_y=float(gradient * math.sin(direction_rad)),
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
-        occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
+        occluder_um=(float(other_x_um), float(other_y_um)),
         lens=true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),

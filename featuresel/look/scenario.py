@@ -69,13 +69,16 @@ class TrialSpread:
     search_um: float  # how far off a look may start; trials reach it at the extremes
     # of the static bodies that are not the target's owner, all of them together
     occluder_sigma_um: float = 0.0
+    # by up to which all bodies lie off together, x and y, uniform: half a pixel where
+    # the region goes along with them
+    together_um: float = 0.0
     turning: tuple[UnknownRotation, ...] = ()  # of that, what lies at unknown angles
     noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
     lens: LensErrors = _SURE  # only its sigmas count, about the look's own
 
     def __post_init__(self) -> None:
         names = ("focus_sigma_um", "magnification_sigma", "pose_sigma_xy_um")
-        more = ("pose_sigma_theta_rad", "search_um", "occluder_sigma_um")
+        more = ("pose_sigma_theta_rad", "search_um", "occluder_sigma_um", "together_um")
         for name in (*names, *more):
             value = getattr(self, name)
             if not (value >= 0 and math.isfinite(value)):

@@ -102,19 +102,21 @@ def view_record(
 ) -> p.View:
     """Return the microscope's setting; `usable_um` has each feature's focus range."""
     focus = task.workcell.optics.focus
+    shape = needed_shape(task, request)
     return p.View(
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
         focus_stops_um=focus_stops(
             case.focus_um,
             usable_um,
-            height_sigma_um(task, request.state, needed_shape(task, request).owner),
+            height_sigma_um(task, request.state, shape.owner),
             (focus.min_um, focus.max_um),
             reach_margin_um(task.workcell),
         ),
         light=case.light.gain,
         field_um=case.microscope.field_um,
         um_per_px=case.microscope.um_per_px,
+        follows=target_pose(task, request, shape).followed_um > 0,
     )
 
 

@@ -62,7 +62,7 @@ def build_case(
     spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
-    spread = _spread(task, request, spot, static)
+    spread = _spread(task, request, spot, static, scope)
     lens = known_errors(task.workcell)
     background = field_level(stage_level(task.workcell), task.workcell, scope)
     shown = Scene(
@@ -263,7 +263,11 @@ def _sigma_theta(task: Task, spot: Place) -> float:
 
 
 def _spread(
-    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+    task: Task,
+    request: Request,
+    spot: Place,
+    static: Sequence[Layer],
+    scope: Microscope,
 ) -> TrialSpread:
     """Return what is tried: the task's benchmark, at least as the workcell states it.
 
@@ -292,6 +296,7 @@ def _spread(
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
         occluder_sigma_um=max((place.sigma_xy_um for place in higher), default=0.0),
+        together_um=scope.um_per_px / 2 if spot.followed_um > 0 else 0.0,
         turning=rotations,
         lens=LensErrors(
             field_curvature_sigma_per_um=optics.lens.field_curvature_sigma_per_um

@@ -56,12 +56,11 @@ def region_for(
 ) -> Window:
     """Return the part of the frame that holds the target wherever it may be.
 
-    Trials reach `search_um`, and there half the surroundings will do.
+    Trials reach `search_um`, and there half the surroundings will do. By what it has
+    followed the region goes along.
     """
-    followed_um = SEARCH_SIGMAS * place.followed_um
     room = max(
-        SEARCH_SIGMAS * place.frame_sigma_um + CONTEXT_UM,
-        math.hypot(search_um, followed_um) + CONTEXT_UM / 2,
+        SEARCH_SIGMAS * place.sigma_xy_um + CONTEXT_UM, search_um + CONTEXT_UM / 2
     )
     k = microscope.px_per_um
     x0, y0, x1, y1 = box_um

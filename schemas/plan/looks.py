@@ -19,6 +19,9 @@ class View:
     light: float  # level of the light [1]
     field_um: tuple[float, float]  # width, height
     um_per_px: float  # in object space
+    # whether the region is read about where the target is believed, whole pixels off
+    # the planned place, since all of the scene lies off together. Added after 2.4
+    follows: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,6 +34,7 @@ from tests.executor.disc import (
     CENTER,
     PITCH_UM,
     RADIUS_UM,
+    REGION,
     PictureCamera,
     disc,
     look,
@@ -92,6 +93,32 @@ def test_a_bias_is_left_alone_at_an_unknown_angle() -> None:
     seen = look_at(rig, biased)
     at = (plain.x_um, plain.y_um)
     assert (seen.x_um, seen.y_um) == pytest.approx(at, abs=1e-6)
+
+
+def test_a_look_that_follows_reads_its_region_about_the_believed_target() -> None:
+    """The planned region ends 48 um from the middle; at the frame's rim it stays."""
+    asked = []
+
+    def show(region: Region | None) -> Counts:
+        assert region is not None
+        asked.append(region)
+        x_um, y_um = there_um[0] + REGION.column, there_um[1] - REGION.row
+        shown = disc(x_um - region.column, y_um + region.row)
+        return np.rint(255 * shown).astype(np.uint8)
+
+    for believed_um, off_px in (
+        ((80.3, -60.4), (80, 60)),
+        ((-300.0, 0.0), (-REGION.column, 0)),
+    ):
+        there_um = (believed_um[0] + 3.0, believed_um[1] - 2.0)
+        rig, found = seeing(*there_um)
+        rig.station = replace(rig.station, camera=PictureCamera(show))
+        rig.beliefs.update("gear", rig.readings(), *believed_um, None)
+        follows = replace(found, view=replace(found.view, follows=True))
+        seen = look_at(rig, follows)
+        assert (seen.x_um, seen.y_um) == pytest.approx(there_um, abs=0.02)
+        column, row = REGION.column + off_px[0], REGION.row + off_px[1]
+        assert asked[-1] == replace(REGION, column=column, row=row)
 
 
 @pytest.mark.parametrize(

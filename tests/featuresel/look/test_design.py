@@ -202,6 +202,19 @@ def _lens(trial: Trial) -> LensErrors:
     return trial.lens
 
 
+def test_what_goes_along_lies_off_together(look: Look) -> None:
+    """By as much for the target and for all else, uniformly to either side."""
+    plain = look("between")
+    along = replace(plain, spread=replace(plain.spread, together_um=0.5))
+    pairs = list(zip(design(plain, 400, 3), design(along, 400, 3), strict=True))
+    target = np.array([(b.dx_um - a.dx_um, b.dy_um - a.dy_um) for a, b in pairs])
+    others = [np.subtract(b.occluder_um, a.occluder_um) for a, b in pairs]
+    np.testing.assert_allclose(target, others, atol=1e-12)
+    assert np.abs(target).max() <= 0.5
+    for sigma in target.std(axis=0):
+        assert sigma == pytest.approx(1 / math.sqrt(12), rel=0.1)
+
+
 def test_what_is_known_of_the_lens_stays_known(look: Look) -> None:
     case = replace(wider(look("post")), lens=LensErrors(distortion=0.249))
     found = [_lens(t).distortion for t in design(case, 64, 1)]

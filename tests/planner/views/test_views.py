@@ -105,16 +105,17 @@ def test_the_region_holds_the_target_within_the_frame(
 
 
 @given(sigma_um=st.floats(0.1, 20), followed_um=st.floats(0.1, 20))
-def test_a_region_has_room_for_what_the_robot_followed(
+def test_a_region_goes_along_with_what_the_robot_followed(
     sigma_um: float, followed_um: float
 ) -> None:
-    """As for a target that is as far off by itself; the search goes no farther."""
+    """Only the field must hold it as far off; the search goes no farther."""
     task = example()
     scope, box = microscope_at(task.workcell, LOW), gear(task).box_um
-    near = replace(spot(0.0, 0.0, sigma_um), followed_um=followed_um)
+    at_rest = spot(0.0, 0.0, sigma_um)
+    near = replace(at_rest, followed_um=followed_um)
     far = spot(0.0, 0.0, math.hypot(sigma_um, followed_um))
-    assert region_for(scope, box, near, 0.0) == region_for(scope, box, far, 0.0)
-    assert search_um(task, near) == search_um(task, spot(0.0, 0.0, sigma_um))
+    assert region_for(scope, box, near, 0.0) == region_for(scope, box, at_rest, 0.0)
+    assert search_um(task, near) == search_um(task, at_rest)
     for zoom in (LOW, 4 * LOW, 8 * LOW):
         at = microscope_at(task.workcell, zoom)
         assert in_field(at, box, near) is in_field(at, box, far)
