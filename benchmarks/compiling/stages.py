@@ -40,7 +40,6 @@ STAGES: Mapping[str, tuple[str, str]] = {
     "trial_images": ("microplan.featuresel.trials.trials", "counts"),
     "limit": ("microplan.featuresel.selection.evaluate", "limit_um"),
     "usable_range": ("microplan.planner.looks.look_record", "usable_range"),
-    "bias": ("microplan.planner.looks.look_record", "predict_bias"),
     "drifts": ("microplan.planner.budget.allowable_errors", "_reach"),
     "pictures": ("microplan.planner.looks.look_record", "reference_image"),
 }

@@ -102,7 +102,6 @@ def _with_chain(
         chain=uses,
         fallback=(),
         bias_um=(0.0, 0.0),
-        bias_through_focus=(),
         region=region,
         reference=reference,
         gates=Gates(min_score=0.0, max_shift_um=gates.max_shift_um, max_turn_rad=None),

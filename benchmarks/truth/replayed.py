@@ -139,7 +139,6 @@ def _error_um(judged: _Judged, promise: Promise, seed: int) -> FloatArray | None
         frame=seer.frame,
         expected=seer.expected,
         believed=seer.believed,
-        dz_um=0.0,
     )
     answer = _measured(seer, _known(seen, judged, theta_rad, rng))
     if answer is None:

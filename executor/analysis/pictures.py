@@ -165,7 +165,6 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         frame=seer.frame,
         expected=seer.expected,
         believed=seer.believed,
-        dz_um=0.0,
     )
     attempts = [a for m in look.measures for a in _attempts(seer, m, picture)]
     code, why, found_pose = _together(seer, attempts)

@@ -19,7 +19,7 @@ from microplan.executor.run.warm_start import (
 )
 from microplan.featuresel.routines.contract import Failure, Guess, Measurement
 from microplan.featuresel.routines.fusion import Believed, SeenFeature
-from microplan.schemas.plan import BiasAt, Look, Measure, RoutineUse
+from microplan.schemas.plan import Look, Measure, RoutineUse
 from microplan.schemas.pose import Pose
 
 
@@ -31,7 +31,6 @@ class Picture:
     frame: LookFrame  # of the region
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
-    dz_um: float  # of the focus from the look's own
     # what a look just before found, a correction ago
     warm_start: WarmStart | None = None
     trusted: bool = True  # whether to begin at what is expected
@@ -84,35 +83,10 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownF
             raise
 
 
-def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
-    """Return the change of a predicted bias, um, at a focus off the look's own.
-
-    Linear between the heights, beyond the outermost theirs; 0 without a curve.
-    """
-    if not curve:
-        return (0.0, 0.0)
-    here, there = _between(curve, 0.0), _between(curve, dz_um)
-    return (there[0] - here[0], there[1] - here[1])
-
-
-def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
-    """Return the bias at one focus."""
-    after = next((k for k, at in enumerate(curve) if at.dz_um >= dz_um), len(curve))
-    if after in (0, len(curve)):
-        end = curve[min(after, len(curve) - 1)]
-        return (end.bias_x_um, end.bias_y_um)
-    low, high = curve[after - 1], curve[after]
-    share = (dz_um - low.dz_um) / (high.dz_um - low.dz_um)
-    return (
-        low.bias_x_um + share * (high.bias_x_um - low.bias_x_um),
-        low.bias_y_um + share * (high.bias_y_um - low.bias_y_um),
-    )
-
-
 def spare(measure: Measure) -> Measure:
     """Return the measurement by the fallback: that chain's bias, sigma and gate.
 
-    The gate of sigma and the bias through focus are the first chain's own.
+    The gate of sigma is the first chain's own.
     """
     gates = replace(
         measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
@@ -123,7 +97,6 @@ def spare(measure: Measure) -> Measure:
         sigma_xy_um=measure.fallback_sigma_xy_um or measure.sigma_xy_um,
         sigma_theta_rad=measure.fallback_sigma_theta_rad,
         gates=gates,
-        bias_through_focus=(),
     )
 
 
@@ -235,9 +208,8 @@ def _shown(
         theta_rad = found.theta_rad - measure.turn_rad
     x_um, y_um = picture.frame.to_world(found.column, found.row)
     if theta_rad is not None:
-        more_x, more_y = bias_at(measure.bias_through_focus, picture.dz_um)
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
-        bias = turn.apply(measure.bias_um[0] + more_x, measure.bias_um[1] + more_y)
+        bias = turn.apply(*measure.bias_um)
         x_um, y_um = x_um - bias[0], y_um - bias[1]
     return ShownFeature(
         seen=SeenFeature(

@@ -204,7 +204,6 @@ def _sight(
         frame=frame,
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),
-        dz_um=focus_um - look.view.focus_um,
         warm_start=warm_start,
         trusted=trusted,
     )

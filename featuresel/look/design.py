@@ -125,7 +125,8 @@ class Design(Sequence[Trial]):
             float(points.noise[row, 0]),
         )  # fmt: skip
         at = points.normal[row], points.design[row], rest
-        return _interior(self.case, index, *at, self.root_seed)
+        spread = self.case.drawn if self.has_corners else self.case.promised
+        return _interior(self.case, spread, index, *at, self.root_seed)
 
 
 def design(case: LookCase, count: int, root_seed: int) -> Design:
@@ -163,7 +164,7 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
 def random_design(case: LookCase, count: int, root_seed: int) -> Design:
     """Return random trials alone, none of which a choice among chains has seen.
 
-    They are drawn with `LookCase.drawn`, by another scramble than those of `design`;
+    They are drawn with `LookCase.promised`, by another scramble than those of `design`;
     arguments and errors are its own.
     """
     fresh = replace(case, key=f"{case.key}/random")
@@ -195,6 +196,7 @@ def _normal(points: FloatArray) -> FloatArray:
 
 def _interior(
     case: LookCase,
+    spread: TrialSpread,
     index: int,
     normal: FloatArray,
     point: FloatArray,
@@ -202,7 +204,6 @@ def _interior(
     root: int,
 ) -> Trial:
     """Return a point of the unit cube, five of it in sigmas, mapped to the spreads."""
-    spread = case.drawn
     theta = normal[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = (2 * point[2] - 1) * math.pi

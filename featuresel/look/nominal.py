@@ -108,15 +108,6 @@ class NominalRender:
         most = _HELD_PX // (window.rows * window.columns)
         return _held(self.known.images, asked, most, made).copy()
 
-    def at_height(
-        self, dz_um: float, *, dx_um: float, dy_um: float, theta_rad: float
-    ) -> FloatArray:
-        """Return the image of a pose wanted at many heights, (rows, columns) 0..1."""
-        found = self._picture(
-            (dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=1.0, again=True
-        )
-        return np.clip(found, 0.0, 1.0)
-
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
     ) -> FloatArray:
@@ -168,17 +159,11 @@ class NominalRender:
         return line_images(self.case, nominal_render)
 
     def _picture(
-        self,
-        moved: tuple[float, float, float],
-        *,
-        dz_um: float,
-        zoom: float,
-        again: bool = False,
+        self, moved: tuple[float, float, float], *, dz_um: float, zoom: float
     ) -> FloatArray:
         """Return the region with the target moved by (um, um, rad), not clipped.
 
-        The target is transformed once for all positions at its own angle, and for all
-        heights of a pose that is asked for `again`.
+        The target is transformed once for all positions at its own angle.
         """
         case, focus_um = self.case, self.case.focus_um + dz_um
         seen = replace(case, microscope=case.zoomed(zoom), focus_um=focus_um)
@@ -189,29 +174,23 @@ class NominalRender:
             lambda: _backdrop(case, seen, zoom),
         )
         layers = moved_layers(case, *moved)
-        own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
+        own = self._own(moved, focus_um=focus_um, zoom=zoom)
         if own is not None:
             shown, layers = shown.with_(own), ()
         return render_look(seen, layers, shown)
 
     def _own(
-        self,
-        moved: tuple[float, float, float],
-        *,
-        focus_um: float,
-        zoom: float,
-        again: bool,
+        self, moved: tuple[float, float, float], *, focus_um: float, zoom: float
     ) -> Backdrop | None:
         """Return the target from what was transformed once, None where that is not."""
         case, reach = self.case, usual_range(self.case)
         x, y, turn = moved
-        if not (again or turn == 0) or not reach.holds(focus_um, (x, y), zoom):
+        if turn != 0 or not reach.holds(focus_um, (x, y), zoom):
             return None
-        at, by_um = (moved, (0.0, 0.0)) if again else ((0.0, 0.0, 0.0), (x, y))
-        ready = standing(case, moved_layers(case, *at), reach, case.model)
+        ready = standing(case, moved_layers(case, 0.0, 0.0, 0.0), reach, case.model)
         if ready is None:
             return None
-        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
+        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=(x, y))
 
 
 def nominal_render(case: LookCase) -> NominalRender:

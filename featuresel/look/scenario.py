@@ -144,9 +144,19 @@ class LookCase:
             )
 
     @property
-    def drawn(self) -> TrialSpread:
-        """Return the spreads that random trials are drawn with."""
+    def promised(self) -> TrialSpread:
+        """Return the spreads that sigma and bias are promised for."""
         return self.spread if self.stated is None else self.stated
+
+    @property
+    def drawn(self) -> TrialSpread:
+        """Return the spreads of random trials by which chains are chosen.
+
+        Those that are promised for, the focus within what is tried: a target whose
+        height is known less well is found from further focus stops.
+        """
+        focus_um = min(self.promised.focus_sigma_um, self.spread.focus_sigma_um)
+        return replace(self.promised, focus_sigma_um=focus_um)
 
     def line_at(self, share: float) -> float:
         """Return where lines of edges lie in a trial: nobody knows it of a ring's."""

@@ -1,4 +1,4 @@
-"""The bias of chains through focus, predicted on images without noise."""
+"""The bias of chains at the look's own focus, predicted on images without noise."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from microplan.arrays import FloatArray
 from microplan.featuresel.features.factorial_design import interior
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.trials import (
@@ -23,26 +21,25 @@ from microplan.featuresel.trials.trials import (
     measure_picture,
 )
 
-_REACH = 3.0  # sigmas of the focus: trials go no farther
-_HEIGHTS = 9  # within that; the bias between two of them is interpolated
 _TURN = 1.0  # sigmas of the angle, to both sides
+
+PoseBias = tuple[float, float, float]  # x um, y um, theta rad, the target's frame
 
 
 def predict_bias(
     case: LookCase,
     prepared: PreparedRoutines,
     *,
-    dz_um: Sequence[float] | None = None,
-    poses: int = 4,
+    poses: int,
     root_seed: int = 0,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-) -> Mapping[Chain, BiasCurve]:
+) -> Mapping[Chain, PoseBias]:
     """Return the bias that the renderer predicts for each chain.
 
-    Every chain measures images without noise, with the nominal zoom, light and defocus
-    model, at several poses: places within a pixel, and angles of the look's spread.
-    What is common to them in the target's frame is the bias; the rest depends on how
-    the target lies on the pixels and cannot be taken off.
+    Every chain measures images without noise, with the nominal focus, zoom, light and
+    defocus model, at several poses: places within a pixel, and angles of the look's
+    spread. What is common to them in the target's frame is the bias; the rest depends
+    on how the target lies on the pixels.
 
     Parameters
     ----------
@@ -50,21 +47,18 @@ def predict_bias(
         The look.
     prepared : PreparedRoutines
         Its chains and artifacts.
-    dz_um : sequence of float, optional
-        Focus heights from nominal, rising; by default 9 within 3 sigma of the look's
-        focus spread, or the nominal alone where that is 0.
     poses : int
-        How many poses at each height.
+        How many poses.
     root_seed : int
-        Of the poses, which heights and chains share.
+        Of the poses, which chains share.
     map : callable
-        As in `microplan.featuresel.trials.trials.run`; gets one height at a time.
+        As in `microplan.featuresel.trials.trials.run`; gets one pose at a time.
 
     Returns
     -------
-    mapping of Chain to BiasCurve
-        Heights at which a pose is not answered rightly are left out; a chain that has
-        none left is not there.
+    mapping of Chain to (x um, y um, theta rad)
+        The angle's is 0 where none is given. A chain that does not answer rightly at
+        every pose is not there.
 
     Raises
     ------
@@ -73,27 +67,14 @@ def predict_bias(
     """
     if poses < 1:
         raise ValueError(f"poses must be at least 1, got {poses}")
-    heights = default_heights(case) if dz_um is None else tuple(dz_um)
-    places = _poses(case, poses, root_seed)
-    seen = list(map(partial(_at_height, case, prepared, places), heights))
+    at_pose = partial(_at_pose, case, prepared)
+    seen = [o for found in map(at_pose, _poses(case, poses, root_seed)) for o in found]
     found = {}
     for chain in prepared.chains:
-        rows = [
-            (height, mine)
-            for height, outcomes in zip(heights, seen, strict=True)
-            if (mine := _right(case, chain, outcomes)) is not None
-        ]
-        if rows:
-            found[chain] = _curve(rows)
+        mine = [o for o in seen if o.chain == chain]
+        if not any(o.failure is not None or is_wrong(case, o) for o in mine):
+            found[chain] = _mean(mine)
     return found
-
-
-def default_heights(case: LookCase) -> tuple[float, ...]:
-    """Return the focus heights at which the bias of a look is predicted."""
-    reach = _REACH * case.spread.focus_sigma_um
-    if reach == 0:
-        return (0.0,)
-    return tuple(float(z) for z in np.linspace(-reach, reach, _HEIGHTS))
 
 
 def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
@@ -114,49 +95,20 @@ def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     )
 
 
-def _at_height(
-    case: LookCase, prepared: PreparedRoutines, poses: tuple[Trial, ...], dz_um: float
-) -> list[Outcome]:
-    """Return what every chain says at one focus height, pose by pose."""
-    render = nominal_render(case)
-    found: list[Outcome] = []
-    for pose in poses:
-        picture = render.at_height(
-            dz_um, dx_um=pose.dx_um, dy_um=pose.dy_um, theta_rad=pose.dtheta_rad
-        )
-        found.extend(measure_picture(case, prepared, pose, picture))
-    return found
-
-
-def _right(
-    case: LookCase, chain: Chain, outcomes: Sequence[Outcome]
-) -> list[Outcome] | None:
-    """Return a chain's outcomes of one height if all of them are right."""
-    mine = [o for o in outcomes if o.chain == chain]
-    if any(o.failure is not None or is_wrong(case, o) for o in mine):
-        return None
-    return mine
-
-
-def _curve(rows: Sequence[tuple[float, list[Outcome]]]) -> BiasCurve:
-    """Return means and scatter of the errors at each height."""
-    places = [_array([o.target_um for o in mine]) for _, mine in rows]
-    middles = [errors.mean(axis=0) for errors in places]
-    turns = [[o.theta_rad for o in mine] for _, mine in rows]
-    known = all(turn is not None for mine in turns for turn in mine)
-    return BiasCurve(
-        dz_um=tuple(height for height, _ in rows),
-        x_um=tuple(float(middle[0]) for middle in middles),
-        y_um=tuple(float(middle[1]) for middle in middles),
-        theta_rad=tuple(float(_array(mine).mean()) for mine in turns)
-        if known
-        else None,
-        scatter_um=tuple(
-            float(np.sqrt(((errors - middle) ** 2).sum(axis=1).mean()))
-            for errors, middle in zip(places, middles, strict=True)
-        ),
+def _at_pose(
+    case: LookCase, prepared: PreparedRoutines, pose: Trial
+) -> tuple[Outcome, ...]:
+    """Return what every chain says at one pose."""
+    picture = nominal_render(case)(
+        dx_um=pose.dx_um, dy_um=pose.dy_um, theta_rad=pose.dtheta_rad
     )
+    return measure_picture(case, prepared, pose, picture)
 
 
-def _array(values: Sequence[object]) -> FloatArray:
-    return np.array(values, dtype=np.float64)
+def _mean(outcomes: Sequence[Outcome]) -> PoseBias:
+    """Return the mean error of right answers."""
+    errors = np.array([o.target_um for o in outcomes], dtype=np.float64)
+    x_um, y_um = errors.mean(axis=0)
+    turns = [o.theta_rad for o in outcomes if o.theta_rad is not None]
+    theta_rad = np.mean(turns) if len(turns) == len(outcomes) else 0.0
+    return (float(x_um), float(y_um), float(theta_rad))

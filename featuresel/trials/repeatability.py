@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from microplan.featuresel.look.design import random_design
+from microplan.featuresel.look.design import Trial, random_design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcomes
@@ -35,12 +35,14 @@ def repeatability(
     *,
     count: int,
     root_seed: int,
+    stops_um: Sequence[float] = (),
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> Repeated:
     """Return what chains do on fresh random trials, whatever they were chosen by.
 
     A choice among chains favours those that were lucky in its trials; these are others,
-    drawn with `LookCase.drawn` alone: no corner is among them.
+    drawn with `LookCase.promised` alone: no corner is among them. A chain that finds
+    nothing looks again from the next stop of the focus, as in a run.
 
     Parameters
     ----------
@@ -54,6 +56,8 @@ def repeatability(
         Trials.
     root_seed : int
         Root of all seeds.
+    stops_um : sequence of float
+        Further stops of the focus from the look's own, in turn.
     map : callable
         As in `microplan.featuresel.trials.trials.run`.
     """
@@ -62,5 +66,33 @@ def repeatability(
         chains=tuple(dict.fromkeys(chains)),
         artifacts={name: prepared.artifacts[name] for name in names},
     )
-    outcomes = run(case, alone, random_design(case, count, root_seed), map=map)
+    trials = random_design(case, count, root_seed)
+    outcomes = run(case, alone, trials, map=map)
+    for number, stop_um in enumerate(stops_um, 1):
+        outcomes = _seen_again(case, alone, trials, outcomes, (number, stop_um), map)
     return Repeated(outcomes=outcomes, scores=score(case, alone, outcomes))
+
+
+def _seen_again(
+    case: LookCase,
+    prepared: PreparedRoutines,
+    trials: Sequence[Trial],
+    outcomes: Outcomes,
+    stop: tuple[int, float],
+    map: Map,  # noqa: A002 - as above
+) -> Outcomes:
+    """Return outcomes with those of another focus stop where nothing was found.
+
+    `stop` has its number and how far it is from the look's own focus, um.
+    """
+    number, off_um = stop
+    found = {(o.chain, o.trial): o for o in outcomes}
+    for chain in prepared.chains:
+        lost = [trials[o.trial] for o in outcomes.by(chain) if o.failure is not None]
+        again = [
+            replace(trial, dz_um=trial.dz_um + off_um, seed=(*trial.seed, number))
+            for trial in lost
+        ]
+        only = replace(prepared, chains=(chain,))
+        found |= {(o.chain, o.trial): o for o in run(case, only, again, map=map)}
+    return Outcomes.of(found.values())

@@ -20,7 +20,6 @@ from microplan.featuresel.look.focus_series import (
     through_focus,
 )
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.trials import Map, PreparedRoutines, measure_picture
@@ -83,7 +82,6 @@ class ToleranceSearch:
     prepared: PreparedRoutines  # the chain alone
     root_seed: int
     draws: int  # noisy images at each drift
-    curve: BiasCurve | None = None  # taken off the positions that the chain finds
 
     def __post_init__(self) -> None:
         if self.draws < 1:
@@ -148,8 +146,7 @@ class ToleranceSearch:
 
     def _outcome(self, trial: Trial, picture: np.ndarray) -> Outcome:
         """Return what the chain says of one picture."""
-        curves = {} if self.curve is None else {self.prepared.chains[0]: self.curve}
-        (found,) = measure_picture(self.case, self.prepared, trial, picture, curves)
+        (found,) = measure_picture(self.case, self.prepared, trial, picture)
         return found
 
     def _trials(self, direction: Direction, drift: float) -> list[Trial]:
@@ -254,15 +251,13 @@ def usable_range(
     root_seed: int,
     draws: int = 3,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-    curve: BiasCurve | None = None,
 ) -> UsableRange:
     """Return the drifts of focus and zoom that `chain` tolerates.
 
     Each direction is searched outward by `microplan.featuresel.trials.tolerance_search`
     until one of `draws` noisy images is not measured within the tolerance; the last
     step before that is the answer. `map` gets one direction at a time, as in
-    `microplan.featuresel.trials.trials.run`; `curve` is taken off the positions that
-    the chain finds.
+    `microplan.featuresel.trials.trials.run`.
 
     Raises
     ------
@@ -274,7 +269,6 @@ def usable_range(
         prepared=alone(prepared, chain),
         root_seed=root_seed,
         draws=draws,
-        curve=curve,
     )
     reach = partial(search.reached, passes=partial(_meets, case))
     ends = list(map(reach, [NEARER, FARTHER, SMALLER, LARGER]))

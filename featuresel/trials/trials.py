@@ -18,7 +18,6 @@ from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import ChainState, advance
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
 from microplan.featuresel.routines.registry import load
-from microplan.featuresel.trials.bias import BiasCurve, unbiased
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.trial_cache import Known
@@ -34,7 +33,6 @@ WRONG_TOLERANCES = 2.0
 
 A = TypeVar("A")
 B = TypeVar("B")
-Curves = Mapping[Chain, BiasCurve]
 
 
 class Map(Protocol):
@@ -155,18 +153,15 @@ def measure_picture(
     prepared: PreparedRoutines,
     trial: Trial,
     picture: FloatArray,
-    curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
     """Return what each chain measures in `picture`, (rows, columns) 0..1."""
     done: dict[Chain, ChainState | Failure] = {}
-    known = curves or {}
     return tuple(
         _outcome(
             case,
             trial,
             chain,
             follow(case, prepared, chain, picture, done),
-            known.get(chain),
         )
         for chain in prepared.chains
     )
@@ -236,7 +231,6 @@ def _outcome(
     trial: Trial,
     chain: Chain,
     found: Measurement | Failure,
-    curve: BiasCurve | None,
 ) -> Outcome:
     """Return the errors of a measurement, and what the chain says of itself."""
     if isinstance(found, Failure):
@@ -245,8 +239,6 @@ def _outcome(
     if isinstance(place, Failure):
         return outcome_of(case, trial, chain, place)
     depth = None if found.z_um is None else abs(found.z_um)
-    if curve is not None:
-        place = unbiased(case, place, curve, depth)
     return replace(
         outcome_of(case, trial, chain, place),
         score=found.score,

@@ -16,7 +16,7 @@ import shapely
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase, scene
-from microplan.featuresel.trials.bias_prediction import predict_bias
+from microplan.featuresel.trials.bias_prediction import PoseBias, predict_bias
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trials import Map, PreparedRoutines
 from microplan.optics.coherence.degree import Coherence
@@ -81,16 +81,14 @@ def coherence_shift(
     ends = dilation_um(coherence, case.microscope, main)
     only = replace(prepared, chains=(chain,))
 
-    def answer(by_um: float) -> tuple[float, float, float] | None:
-        found = predict_bias(
+    def answer(by_um: float) -> PoseBias | None:
+        return predict_bias(
             dilated(case, by_um),
             only,
-            dz_um=(0.0,),
             poses=_POSES,
             root_seed=root_seed,
             map=map,
         ).get(chain)
-        return None if found is None else found.at(0.0)
 
     plain = answer(0.0)
     moved_um, moved_rad = 0.0, 0.0

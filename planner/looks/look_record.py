@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from microplan.featuresel.look.design import random_design
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bias_prediction import predict_bias
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
@@ -46,6 +45,7 @@ from microplan.planner.looks.records import (
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
+from microplan.planner.views.focus import look_stops
 from microplan.planner.views.lens_errors import (
     middle_sigma_um,
 )
@@ -160,6 +160,13 @@ def measured(
         map=context.map,
     )
     spare = tried.comparison.selection.fallback
+    stops_um = look_stops(
+        problem.task,
+        problem.request.state,
+        (shape or problem.shape).owner,
+        case.focus_um,
+        [usable.focus_um],
+    )
     repeated = context.memo.call(
         repeatability,
         case,
@@ -167,18 +174,14 @@ def measured(
         (chosen.chain,) if spare is None else (chosen.chain, spare.chain),
         count=context.effort.random_trials,
         root_seed=seed,
+        stops_um=tuple(stop_um - case.focus_um for stop_um in stops_um),
         map=context.map,
-    )
-    only = replace(tried.comparison.prepared, chains=(chosen.chain,))
-    curves = context.memo.call(
-        predict_bias, case, only, root_seed=seed, map=context.map
     )
     return MeasuredFeature(
         shape=shape or problem.shape,
         tried=tried,
         chosen=chosen,
         usable=usable,
-        curve=curves.get(chosen.chain),
         depth=context.memo.call(depth_record, case, usable)
         if context.effort.limited
         else None,

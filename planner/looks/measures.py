@@ -10,7 +10,6 @@ import numpy as np
 from microplan.featuresel.limits.resolution import contrast, spurious_um
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.repeatability import Repeated
@@ -42,7 +41,6 @@ class MeasuredFeature:
     tried: Evaluation
     chosen: ChainScore
     usable: UsableRange
-    curve: BiasCurve | None  # of the bias through focus
     depth: p.Depth | None
     sigma_um: float | None  # that its position counts with; None: that of the trials
     repeated: Repeated  # chain and fallback, on fresh random trials
@@ -111,7 +109,6 @@ def measure_record(
         feature="" if shape.name == target.name else shape.name,
         offset_um=offset_um(shape, target),
         turn_rad=shape.angle_rad,
-        bias_through_focus=_through_focus(found.curve),
         depth=found.depth,
         repeatability=repeatability_record(
             chosen, undetected(case, found.repeated.outcomes.by(chosen.chain), gates)
@@ -171,14 +168,6 @@ def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
 def look_key(request: Request, target: TargetShape, shape: TargetShape) -> str:
     """Return the name that the files of a look's feature begin with."""
     return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
-
-
-def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
-    """Return a predicted bias as the plan has it."""
-    if curve is None:
-        return ()
-    rows = zip(curve.dz_um, curve.x_um, curve.y_um, strict=True)
-    return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
 
 
 def _gates(tried: Evaluation, chosen: ChainScore, accepted: AcceptedRange) -> p.Gates:

@@ -12,12 +12,11 @@ from microplan.featuresel.trials.bounds import failure_upper
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.planner.assembly.assembly import height_sigma_um
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.looks.repeated_trials import repeatability_record
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.planner.task.task import Task
-from microplan.planner.views.focus import focus_stops, reach_margin_um
+from microplan.planner.views.focus import look_stops
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import shade_of
 from microplan.planner.views.target_views import needed_shape, target_pose
@@ -101,17 +100,12 @@ def view_record(
     usable_um: Sequence[tuple[float, float]],
 ) -> p.View:
     """Return the microscope's setting; `usable_um` has each feature's focus range."""
-    focus = task.workcell.optics.focus
     shape = needed_shape(task, request)
     return p.View(
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
-        focus_stops_um=focus_stops(
-            case.focus_um,
-            usable_um,
-            height_sigma_um(task, request.state, shape.owner),
-            (focus.min_um, focus.max_um),
-            reach_margin_um(task.workcell),
+        focus_stops_um=look_stops(
+            task, request.state, shape.owner, case.focus_um, usable_um
         ),
         light=case.light.gain,
         field_um=case.microscope.field_um,

@@ -309,15 +309,14 @@ def _stated(
 ) -> TrialSpread:
     """Return what the workcell states, and what the plan itself does not know.
 
-    Focus: the drive's repeatability, and the height of the target. Where that is known
-    less well than what is tried, further focus stops are for the rest.
+    Focus: the drive's repeatability, and the height of the target.
     """
     cell = task.workcell
     height_um = height_sigma_um(task, request.state, spot.owner)
     off_um = math.hypot(cell.optics.focus.repeatability_um, height_um)
     return replace(
         tried,
-        focus_sigma_um=min(off_um, tried.focus_sigma_um),
+        focus_sigma_um=off_um,
         magnification_sigma=cell.optics.zoom.scale_sigma,
         light_gain=(1.0, 1.0),
         light_gradient=(cell.light.gradient, cell.light.gradient),

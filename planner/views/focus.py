@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from microplan.optics.outline.tolerant_order import above, at_most
-from microplan.planner.assembly.assembly import Place
+from microplan.planner.assembly.assembly import Place, State, height_sigma_um
 from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Interval, Workcell
 from microplan.planner.views.views import SEARCH_SIGMAS
 
@@ -110,6 +111,20 @@ def focus_stops(
     ]
     stops = sorted(fewest_stops(reached), key=lambda d: (round(abs(d), 6), -d))
     return tuple(focus_um + d for d in stops[:MOST_STOPS])
+
+
+def look_stops(
+    task: Task, state: State, owner: str, focus_um: float, usable_um: Sequence[Interval]
+) -> tuple[float, ...]:
+    """Return further heights to focus on for a look at what belongs to `owner`."""
+    focus = task.workcell.optics.focus
+    return focus_stops(
+        focus_um,
+        usable_um,
+        height_sigma_um(task, state, owner),
+        (focus.min_um, focus.max_um),
+        reach_margin_um(task.workcell),
+    )
 
 
 def covered_um(

@@ -144,7 +144,8 @@ class Measure:
     feature: str = ""  # what is measured; "": the look's target
     offset_um: tuple[float, float] = (0.0, 0.0)  # from the target, in the part's frame
     turn_rad: float = 0.0  # of the feature's frame in the part's
-    bias_through_focus: tuple[BiasAt, ...] = ()  # by rising dz_um; () = not predicted
+    # by rising dz_um; plans before 2.5 predict it, nothing reads it
+    bias_through_focus: tuple[BiasAt, ...] = ()
     depth: Depth | None = None  # None: not computed
     # Added after 2.3; None: unknown. What sigma and bias are known by.
     repeatability: Repeatability | None = None

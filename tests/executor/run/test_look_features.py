@@ -6,7 +6,6 @@ import cmath
 import io
 import itertools
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -14,22 +13,18 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.run.measure_feature import bias_at
 from microplan.executor.run.measure_target import look_at
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell
 from microplan.featuresel.routines.circle import circle_caliper
 from microplan.featuresel.routines.contract import Artifact, LookModel, Target
 from microplan.schemas.plan import (
-    BiasAt,
     Look,
     Measure,
     OnFailure,
@@ -255,50 +250,3 @@ def test_features_that_no_stop_shows_are_missed_at_all_of_them() -> None:
     rig = in_turn(seeing(AT, BOTH), (-ARM_UM,), (), (-ARM_UM,))
     with pytest.raises(ExecutorError, match=r"gear\.right not found"):
         look_at(rig, with_stops(look(least=2), 2))
-
-
-CURVE = (
-    BiasAt(dz_um=-4.0, bias_x_um=0.3, bias_y_um=0.0),
-    BiasAt(dz_um=1.0, bias_x_um=0.1, bias_y_um=-0.2),
-    BiasAt(dz_um=6.0, bias_x_um=-0.5, bias_y_um=0.4),
-)
-
-
-def test_the_bias_at_another_focus_is_taken_off_in_the_parts_frame() -> None:
-    """The first frame is dark; the second is taken at the other stop."""
-    stop = 4.0
-    plain = look()
-    view = replace(plain.view, focus_stops_um=(plain.view.focus_um + stop,))
-    curved = [replace(m, bias_through_focus=CURVE) for m in plain.measures]
-    biased = replace(plain, view=view, measure=curved[0], others=tuple(curved[1:]))
-    first, second = (look_at(seeing(AT, BOTH, dark=dark), biased) for dark in (0, 1))
-    assert (first.frames, second.frames) == (1, 2)
-    heights = [at.dz_um for at in CURVE]
-    change = complex(
-        *(
-            np.interp(stop, heights, row) - np.interp(0.0, heights, row)
-            for row in ([at.bias_x_um for at in CURVE], [at.bias_y_um for at in CURVE])
-        )
-    )
-    # the angle is not known before: a bias of what direction? none is taken off
-    assert (second.x_um, second.y_um) == (first.x_um, first.y_um)
-    rigs = [seeing(AT, BOTH, dark=dark) for dark in (0, 1)]
-    for rig in rigs:
-        believe(rig, AT.theta_rad)
-    first, second = (look_at(rig, biased) for rig in rigs)
-    moved = complex(second.x_um - first.x_um, second.y_um - first.y_um)
-    expected = -cmath.rect(1.0, AT.theta_rad) * change
-    assert (moved.real, moved.imag) == pytest.approx((expected.real, expected.imag))
-
-
-@given(st.floats(-20.0, 20.0))
-def test_the_change_of_a_bias_is_linear_between_heights(dz_um: float) -> None:
-    heights = [at.dz_um for at in CURVE]
-    columns = ([at.bias_x_um for at in CURVE], [at.bias_y_um for at in CURVE])
-    expected = [
-        np.interp(dz_um, heights, row) - np.interp(0.0, heights, row) for row in columns
-    ]
-    assert bias_at(CURVE, dz_um) == pytest.approx(tuple(expected), abs=1e-12)
-    assert bias_at((), dz_um) == (0.0, 0.0)
-    assert not any(map(math.isnan, bias_at(CURVE[:1], dz_um)))
-    assert bias_at(CURVE[:1], dz_um) == (0.0, 0.0)

@@ -17,7 +17,6 @@ from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Failure, Measurement
 from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import chains
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.tolerance_search import usable_range
@@ -128,16 +127,6 @@ def test_a_process_pool_gives_the_same_range(look: Look) -> None:
             case, ready, ("circle_caliper",), root_seed=1, draws=2, map=pool.map
         )
     assert again == wide
-
-
-def test_a_range_is_that_of_places_less_the_predicted_bias(look: Look) -> None:
-    case, chain = look("post"), ("circle_caliper",)
-    ready = prepare(case, [chain])
-    wrong = BiasCurve(
-        dz_um=(0.0,), x_um=(1.5,), y_um=(0.0,), theta_rad=None, scatter_um=(0.0,)
-    )
-    found = usable_range(case, ready, chain, root_seed=1, draws=1, curve=wrong)
-    assert found.focus_um == (0.0, 0.0)  # 1.5 um off where 1 is allowed
 
 
 def test_a_routine_that_never_answers_has_no_range(look: Look) -> None:

@@ -188,8 +188,6 @@ EDITS: tuple[Edit, ...] = (
      "steps/find_gear/looks/find_gear/measure/usable_focus_um/1", "worse"),
     ("prediction", lambda d: find(d)["fallback_bias_um"].__setitem__(0, -9.0),
      "steps/find_gear/looks/find_gear/measure/fallback_bias_um/0", "worse"),
-    ("prediction", lambda d: find(d)["bias_through_focus"][0].update(dz_um=-99.0),
-     "steps/find_gear/looks/find_gear/measure/bias_through_focus/0/dz_um", ""),
     ("feasibility", lambda d: d.update(success_goal=0.99), "success_goal", ""),
 )  # fmt: skip
 
