@@ -132,16 +132,15 @@ def _error_um(judged: _Judged, promise: Promise, seed: int) -> FloatArray | None
     put(cell, placed)
     point = _point(cell, look, trial)
     _disturb(cell, look, trial, point, rng)
-    grabbed = cell.camera.grab(look.measure.region)
+    off_um = rng.normal(0, trial.case.promised.focus_sigma_um)
     theta_rad = _theta_rad(cell, look, trial)
-    seen = Picture(
-        image=to_unit(grabbed.counts, cell.truth.world.optics.bits),
-        frame=seer.frame,
-        expected=seer.expected,
-        believed=seer.believed,
-    )
-    answer = _measured(seer, _known(seen, judged, theta_rad, rng))
-    if answer is None:
+    belief = _belief(judged, theta_rad, rng)
+    for stop_um in (look.view.focus_um, *look.view.focus_stops_um):
+        cell.lens.focus_um = stop_um + off_um
+        answer = _measured(seer, _picture(seer, cell, belief))
+        if answer is not None:
+            break
+    else:
         return None
     true = cell.shown_um(look.target.partition(".")[0], *point)
     back = Pose(x_um=0.0, y_um=0.0, theta_rad=-theta_rad)
@@ -155,18 +154,28 @@ def _theta_rad(cell: Cell, look: Look, trial: TrialCase) -> float:
     return trial.case.theta_rad if body is None else cell.truth.pose(body).theta_rad
 
 
-def _known(
-    picture: Picture, judged: _Judged, theta_rad: float, rng: np.random.Generator
-) -> Picture:
-    """Return a picture with what a run knows of the target's angle by then."""
+def _belief(
+    judged: _Judged, theta_rad: float, rng: np.random.Generator
+) -> Believed | None:
+    """Return what a run knows of the target's angle by then."""
     sigma_rad = judged.angle_sigma_rad
     if sigma_rad is None:
-        return picture
+        return judged.seer.believed
     turned = theta_rad + sigma_rad * float(rng.normal())
-    return replace(
-        picture,
-        expected=replace(picture.expected, theta_rad=turned),
-        believed=Believed(theta_rad=turned, sigma_rad=sigma_rad),
+    return Believed(theta_rad=turned, sigma_rad=sigma_rad)
+
+
+def _picture(seer: Viewer, cell: Cell, belief: Believed | None) -> Picture:
+    """Return what the cell's camera shows of a look's region now."""
+    grabbed = cell.camera.grab(seer.look.measure.region)
+    expected = seer.expected
+    if belief is not None:
+        expected = replace(expected, theta_rad=belief.theta_rad)
+    return Picture(
+        image=to_unit(grabbed.counts, cell.truth.world.optics.bits),
+        frame=seer.frame,
+        expected=expected,
+        believed=belief,
     )
 
 
@@ -185,12 +194,12 @@ def _disturb(
     point: tuple[float, float],
     rng: np.random.Generator,
 ) -> None:
-    """Move everything as random trials do, and set the view.
+    """Move everything as random trials do, and set the view but for the focus.
 
     The target turns about its reference point, the others, which move together, about
     their own.
     """
-    spread, truth = trial.case.drawn, cell.truth
+    spread, truth = trial.case.promised, cell.truth
     owner = look.target.partition(".")[0]
     own, others = rng.normal(0.0, 1.0, (2, 2))
     own, others = own * spread.pose_sigma_xy_um, others * spread.occluder_sigma_um
@@ -213,7 +222,6 @@ def _disturb(
     for axis, value in zip(("x_um", "y_um"), by, strict=True):
         truth.robot.actual[axis] += float(value)
     cell.lens.set_magnification(look.view.magnification)
-    cell.lens.focus_um = look.view.focus_um + rng.normal(0, spread.focus_sigma_um)
     cell.light.set_level(look.view.light)
 
 
