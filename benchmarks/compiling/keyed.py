@@ -13,6 +13,9 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -138,32 +141,35 @@ def _entity(layer: str, edge: Edge) -> list[tuple[str, str]]:
     return [("0", "ARC"), ("8", layer), *((c, repr(float(v))) for c, v in codes)]
 
 
-def compiled(
-    count: int, seed: int, folder: Path, jobs: int
-) -> Iterator[tuple[Plan, bool]]:
-    """Yield the plans of keyed pairs, and whether a run of each seats the gear."""
-    for index, (_, bore, post) in enumerate(keyed_pairs(count, seed)):
-        task = write_task(folder / f"{index}", bore, post)
-        out = folder / f"{index}.plan"
-        options = [
-            "--preset",
-            "fast",
-            "--no-cache",
-            "--jobs",
-            str(jobs),
-            "-o",
-            str(out),
-        ]
-        main(["compile", str(task), *options])
-        plan = parse_plan((out / "plan.json").read_text("utf-8"))
-        feasible = plan.status == "feasible"
-        yield plan, feasible and perform(out, folder / f"{index}.runs", index).seated
+def compiled(count: int, seed: int, folder: Path, jobs: int) -> list[tuple[Plan, bool]]:
+    """Return the plans of keyed pairs, and whether a run of each seats the gear.
+
+    `jobs` pairs at a time.
+    """
+    pairs = enumerate(keyed_pairs(count, seed))
+    # spawned, as a process forked from one with threads may hang
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(partial(_compiled, folder), pairs))
+
+
+def _compiled(
+    folder: Path, pair: tuple[int, tuple[str, Outline, Outline]]
+) -> tuple[Plan, bool]:
+    """Return the plan of one pair, by its number, and whether a run seats the gear."""
+    index, (_, bore, post) = pair
+    task = write_task(folder / f"{index}", bore, post)
+    out = folder / f"{index}.plan"
+    options = ["--preset", "fast", "--no-cache", "--jobs", "1", "-o", str(out)]
+    main(["compile", str(task), *options])
+    plan = parse_plan((out / "plan.json").read_text("utf-8"))
+    feasible = plan.status == "feasible"
+    return plan, feasible and perform(out, folder / f"{index}.runs", index).seated
 
 
 def measure(options: Options) -> Iterable[Figure]:
     """Yield the figures of the keyed pairs."""
     with tempfile.TemporaryDirectory() as name:
-        plans = list(compiled(PAIRS, SEED, Path(name), options.jobs))
+        plans = compiled(PAIRS, SEED, Path(name), options.jobs)
     chances = [p.success_probability for p, _ in plans if p.status == "feasible"]
     values = (len(chances), sum(seated for _, seated in plans), min(chances, default=0))
     for name, value in zip(NAMES, values, strict=True):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +63,32 @@ class JudgedPicture:
         """Return the compiler's largest error, by rays or by waves."""
         by_waves = 0.0 if self.waves is None else self.waves.compiler_max
         return max(self.found.error.max_error, by_waves)
+
+
+def all_judged(
+    plans: Mapping[TruthExample, Path], jobs: int = 1
+) -> list[JudgedPicture]:
+    """Return all looks of examples' plans, of all surfaces, `jobs` at a time."""
+    asked = [
+        (example, file, (surface,), POINTS, (look,))
+        for example, file in plans.items()
+        for surface in SURFACES
+        for look in example.looks
+    ]
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        found = pool.map(_judged_one, *zip(*asked, strict=True))
+        return [picture for pictures in found for picture in pictures]
+
+
+def _judged_one(
+    example: TruthExample,
+    plan_file: Path,
+    surfaces: Sequence[Surface],
+    points: int,
+    only: Sequence[str],
+) -> list[JudgedPicture]:
+    """Return what `judged` yields: a pool's process sends no iterator."""
+    return list(judged(example, plan_file, surfaces, points, only))
 
 
 def judged(
@@ -132,11 +161,9 @@ def _one(name: str, value: float, unit: str = "1") -> Figure:
 
 
 def _measure(options: Options) -> Iterator[Figure]:
-    pictures: list[JudgedPicture] = []
-    for example in EXAMPLES:
-        with plan_of(example, options) as plan_file:
-            pictures += judged(example, plan_file, SURFACES, POINTS)
-    yield from figures(pictures)
+    with ExitStack() as stack:
+        plans = {e: stack.enter_context(plan_of(e, options)) for e in EXAMPLES}
+        yield from figures(all_judged(plans, options.jobs))
 
 
 BENCHMARK = Benchmark(names=NAMES, measure=_measure)
