@@ -82,6 +82,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
 SIDE = 200  # px of a look's region
 MAGNIFICATION = 6.9
 NO_SCENE = SceneRecord(layers=(), shades=(), image="", image_sha256="")
+# the simulated cell, seen by its quick camera
+QUICK = ("--station", "sim", "--camera", "quick")
 
 
 @cache

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from microplan.executor.cli.main import main
-from tests.executor.bench import Folder, assembly, world
+from tests.executor.bench import QUICK, Folder, assembly, world
 
 PLAN, RUN, SAID = "gear.plan", "gear.run", "gear.txt"
 
@@ -19,7 +19,7 @@ def keep_run(folder: Path) -> None:
     found = world()
     parts = tuple(replace(p, sigma_xy_um=min(p.sigma_xy_um, 8.0)) for p in found.parts)
     maker.write(assembly(maker), replace(found, parts=parts))
-    call = [str(folder / PLAN), "--station", "sim", "--camera", "quick", "--seed", "3"]
+    call = [str(folder / PLAN), *QUICK, "--seed", "3"]
     with contextlib.redirect_stdout(io.StringIO()) as heard:
         status = main([*call, "--run-dir", str(folder / RUN)])
     assert status == 0, heard.getvalue()

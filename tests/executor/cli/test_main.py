@@ -17,6 +17,7 @@ from microplan.executor.cli.select_station import find_site
 from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.schemas.plan import dump_plan, parse_plan
+from tests.executor.bench import QUICK
 from tests.executor.kept import PLAN, SAID
 
 STEPS = 12
@@ -30,7 +31,7 @@ def built(example_run: Path) -> Path:
 
 
 def run(plan: Path, folder: Path, *options: str) -> int:
-    words = ["--station", "sim", "--camera", "quick", "--run-dir", str(folder)]
+    words = [*QUICK, "--run-dir", str(folder)]
     return main([str(plan), *words, *options])
 
 

@@ -34,7 +34,7 @@ from microplan.executor.simulated.cell import build_cell
 from microplan.executor.simulated.hub import read_world
 from microplan.schemas.codec import from_data
 from microplan.schemas.plan import Plan, dump_plan, parse_plan
-from tests.executor.bench import Folder, assembly, world
+from tests.executor.bench import QUICK, Folder, assembly, world
 
 # steps up to the first alignment: two looks to locate, one alignment by corrections
 FIRST = 3
@@ -57,10 +57,7 @@ def ran(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "run"
     call = [
         str(built),
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--seed",
         "4",
         "--run-dir",
@@ -212,10 +209,7 @@ def resumed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "run"
     words = [
         str(built),
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--run-dir",
         str(folder),
     ]
@@ -345,10 +339,7 @@ def test_a_run_that_failed_fails_again_in_the_same_way(
     run = tmp_path / "run"
     call = [
         str(built),
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--run-dir",
         str(run),
         "--inject",
@@ -379,10 +370,7 @@ def test_a_disk_that_fills_by_frames_is_no_other_command(
         full.setattr("microplan.executor.record.frames.write_png", fill)
         call = [
             str(built),
-            "--station",
-            "sim",
-            "--camera",
-            "quick",
+            *QUICK,
             "--run-dir",
             str(run),
         ]

@@ -19,7 +19,7 @@ from microplan.executor.devices.station_file import Loaded, read_station
 from microplan.executor.devices.timeouts import WallClock
 from microplan.executor.simulated.cell import Cell, offer_of, rules_of
 from microplan.schemas.codec import to_data
-from tests.executor.bench import Folder, assembly, quiet, world
+from tests.executor.bench import QUICK, Folder, assembly, quiet, world
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "stations" / "simulated.toml"
 
@@ -77,7 +77,7 @@ def test_the_example_says_what_the_simulated_cell_is(
 
 def test_a_plan_runs_the_same_through_a_file(built: Path, tmp_path: Path) -> None:
     call = [str(built), "--no-frames", "--run-dir"]
-    same = ["--station", "sim", "--camera", "quick"]  # as the file's, unless it says so
+    same = [*QUICK]  # as the file's, unless it says so
     assert main([*call, str(tmp_path / "sim"), *same]) == 0
     assert main([*call, str(tmp_path / "file"), "--station", str(EXAMPLE)]) == 0
     sim, file = events(tmp_path / "sim"), events(tmp_path / "file")

@@ -20,7 +20,7 @@ from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import CODES
 from microplan.executor.record.run_folder import held
 from microplan.executor.record.write_ahead_log import FileStore
-from tests.executor.bench import Folder, assembly, world
+from tests.executor.bench import QUICK, Folder, assembly, world
 from tests.executor.cli.test_main import STATION, events, summary
 
 pytestmark = pytest.mark.usefixtures("one_render_a_state")
@@ -157,10 +157,7 @@ def test_a_file_that_cannot_be_opened_is_no_bug(
     path.unlink(missing_ok=True)
     path.write_bytes(b"") if name == "frames" else path.mkdir()
     words = [
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--run-dir",
         str(copy),
         "--resume",
@@ -263,10 +260,7 @@ def test_at_a_terminal_the_operator_decides_on_a_half_done_insertion(
     os.write(mine, f"{answer}\n".encode())
     words = [
         str(built),
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--run-dir",
         str(copy),
         "--no-frames",

@@ -16,6 +16,7 @@ from scipy.stats import binomtest
 import microplan.executor.cli.main
 from microplan.planner.cli.main import main as microplan_main
 from microplan.planner.task.presets import PRESETS
+from tests.executor.bench import QUICK
 from tests.planner.examples import change, copy_example, one_zoom
 
 SEEDS = range(4)  # `python -m benchmarks microplan.executor.success` takes hundreds
@@ -34,10 +35,7 @@ def run(plan: Path, folder: Path, seed: int, *more: str) -> tuple[int, dict[str,
     """Run a plan on the simulated cell; return the exit status and the summary."""
     call = [
         str(plan / "plan.json"),
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--seed",
         str(seed),
     ]

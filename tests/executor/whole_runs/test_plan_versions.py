@@ -14,7 +14,7 @@ import pytest
 from microplan.executor.cli.main import main as executor
 from microplan.planner.cli.main import main as compiler
 from microplan.schemas.plan import FORMAT_VERSION, AxisMove, parse_plan
-from tests.executor.bench import Folder, assembly, world
+from tests.executor.bench import QUICK, Folder, assembly, world
 
 Data = dict[str, Any]
 MAJOR, MINOR = (int(part) for part in FORMAT_VERSION.split("."))
@@ -114,10 +114,7 @@ def test_another_minor_runs_to_its_end(
 ) -> None:
     other = changed(built, tmp_path / "other.plan", change)
     words = [
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--seed",
         "3",
         "--no-frames",
@@ -149,7 +146,7 @@ def test_what_no_reader_takes_is_said_by_each(
 ) -> None:
     other = str(changed(built, tmp_path / "other.plan", stated(value)))
     run = str(tmp_path / "run")
-    sim = ["--station", "sim", "--camera", "quick"]
+    sim = [*QUICK]
     calls = [
         [*sim, "--run-dir", run], [*sim, "--mode", "check"],
         [*sim, "--mode", "dry-run"],

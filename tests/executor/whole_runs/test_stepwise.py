@@ -21,7 +21,7 @@ from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import build_cell
 from microplan.schemas.plan import Plan, ReleaseAction, parse_plan
-from tests.executor.bench import Folder, assembly, step, world
+from tests.executor.bench import QUICK, Folder, assembly, step, world
 from tests.executor.bench import robot_to as robot
 
 
@@ -62,10 +62,7 @@ def answers(
 
 def run(plan: Path, folder: Path) -> int:
     words = [
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--run-dir",
         str(folder),
         "--no-frames",
@@ -126,7 +123,7 @@ def test_nobody_to_ask_is_a_wrong_call(
     assert run(built, tmp_path / "run") == 2
     assert capsys.readouterr().err.count("error[MP804]: --step needs") == 2
     assert not (tmp_path / "run").exists()
-    check = ["--station", "sim", "--camera", "quick", "--mode", "check", "--step"]
+    check = [*QUICK, "--mode", "check", "--step"]
     assert main([str(built), *check]) == 2
 
 

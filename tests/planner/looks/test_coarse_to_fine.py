@@ -21,6 +21,7 @@ from microplan.planner.store.summary import plan_summary
 from microplan.planner.task.presets import PRESETS
 from microplan.schemas.plan import Look, Plan, parse_plan
 from microplan.schemas.plan.views import ViewChange
+from tests.executor.bench import QUICK
 from tests.planner.examples import FEW, ONE_LOOK, change, copy_example, cut, read
 
 SEEDS = range(8)
@@ -60,10 +61,7 @@ def plan(folder: Path) -> Plan:
 def ran(folder: Path, out: Path, seed: int) -> tuple[dict[str, Any], list[Any]]:
     """Return summary and journal of a run that ended well."""
     words = [
-        "--station",
-        "sim",
-        "--camera",
-        "quick",
+        *QUICK,
         "--seed",
         str(seed),
         "--run-dir",
