@@ -65,7 +65,7 @@ def measure_record(
     """Return the measurement of a feature, with the accuracy found in trials."""
     tried, shape, chosen = found.tried, found.shape, found.promised
     case, spare, charges = tried.case, found.spare, found.charges
-    gates = _gates(tried, found.chosen, charges.accepted)
+    gates = acceptance_gates(tried, found.chosen, charges.accepted)
     spare_chain = () if spare is None else spare.chain
     where = look_key(request, target, shape)
     return p.Measure(
@@ -170,7 +170,9 @@ def look_key(request: Request, target: TargetShape, shape: TargetShape) -> str:
     return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
 
 
-def _gates(tried: Evaluation, chosen: ChainScore, accepted: AcceptedRange) -> p.Gates:
+def acceptance_gates(
+    tried: Evaluation, chosen: ChainScore, accepted: AcceptedRange
+) -> p.Gates:
     """Return the acceptance gates of a measurement: all good answers and a margin.
 
     Those of trials, and on better images.

@@ -12,7 +12,6 @@ from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score_chain
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.records import fallback_record
-from tests.planner.looks.test_scale_free_sigma import tried as tried
 from tests.planner.looks.test_scale_free_sigma import with_outcomes
 
 AREA, EDGES = ("otsu",), ("contour_match",)

@@ -9,40 +9,14 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.design import random_design
-from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.repeatability import Repeated
 from microplan.featuresel.trials.score import ChainScore, score_chain
-from microplan.featuresel.trials.trials import PreparedRoutines
-from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.look_record import sigma_without_scale_um
-from microplan.planner.looks.scenario import build_case
-from microplan.planner.source.diagnostics import Report
-from microplan.planner.views.requests import requests
-from microplan.planner.views.target_views import views
-from tests.planner.placed import both
+from tests.planner.looks.conftest import CHAIN
 
-CHAIN, COUNT, SEED = ("ncc",), 24, 3
-
-
-@pytest.fixture(scope="module")
-def tried() -> Evaluation:
-    """Return the look at the die in the fingers with nothing tried yet."""
-    task = both()
-    states = unfold(task, Report())
-    index = next(k for k, s in enumerate(states) if s.step.id == "die_in_fingers")
-    (request,) = requests(task, states, index, None)
-    case, fidelity = build_case(
-        task, request, views(task, request, 5.0, Report())[0], 1
-    )
-    nothing = PreparedRoutines(chains=(CHAIN,), artifacts={})
-    comparison = RoutineComparison(
-        prepared=nothing, outcomes=Outcomes.of(), scores=(), limit_um=None,
-        selection=None,  # type: ignore[arg-type]  # nothing was selected
-        visible=None,
-    )  # fmt: skip
-    return Evaluation(case=case, fidelity=fidelity, comparison=comparison)
+COUNT, SEED = 24, 3
 
 
 def answered(tried: Evaluation, noise_um: np.ndarray, scale: float = 1.0) -> Evaluation:
