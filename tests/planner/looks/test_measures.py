@@ -25,9 +25,7 @@ from tests.planner.looks.conftest import CHAIN
 ENOUGH = 400  # trials that show a limit of undetected failures
 
 
-def answers(
-    scores: Iterable[float], error_um: float, spread_um: float
-) -> list[Outcome]:
+def answers(scores: Iterable[float], error_um: float) -> list[Outcome]:
     return [
         Outcome(
             chain=CHAIN, trial=k, world_um=(error_um, 0.0), target_um=(error_um, 0.0),
