@@ -50,12 +50,10 @@ class ShownFeature:
     @property
     def found(self) -> FoundFeature:
         """Return the start of a look after a small correction."""
-        return FoundFeature(
-            x_um=self.seen.x_um,
-            y_um=self.seen.y_um,
-            pixels=self.pixels,
-            frame=self.frame,
-        )
+        x_um, y_um, pixels = self.seen.x_um, self.seen.y_um, self.pixels
+        column, row = self.frame.to_pixel(x_um, y_um)
+        bias_px = (pixels.column - column, pixels.row - row)
+        return FoundFeature(x_um=x_um, y_um=y_um, pixels=pixels, bias_px=bias_px)
 
 
 def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownFeature:

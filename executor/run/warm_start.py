@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from microplan.executor.devices.calibration import LookFrame
+from microplan.arrays import Point
 from microplan.featuresel.routines.chain import HANDOVER_SIGMAS
 from microplan.featuresel.routines.contract import Guess, Measurement
 from microplan.featuresel.routines.registry import load
@@ -22,7 +22,7 @@ class FoundFeature:
     x_um: float  # world, the routine's mean error taken off
     y_um: float
     pixels: Measurement  # in the region of that look
-    frame: LookFrame  # of that region
+    bias_px: Point  # of these from its place, (column, row): the routine's mean error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +55,7 @@ def nearest_routine(
 
 def guess_from(
     before: FoundFeature,
-    now_px: tuple[float, float],
+    now_px: Point,
     theta_rad: float,
 ) -> Guess:
     """Return the first guess of a feature after a correction.
@@ -65,15 +65,13 @@ def guess_from(
     before : FoundFeature
         What the look before found.
     now_px : (column, row)
-        Of the feature's believed position, in the region that is read now. The one that
-        it was found at differs from its pixels by the routine's mean error.
+        Of the feature's believed position, in the region that is read now.
     theta_rad : float
         The angle that it must have now; used if the look before measured one.
     """
-    then_px = before.frame.to_pixel(before.x_um, before.y_um)
     return Guess(
-        column=before.pixels.column + now_px[0] - then_px[0],
-        row=before.pixels.row + now_px[1] - then_px[1],
+        column=now_px[0] + before.bias_px[0],
+        row=now_px[1] + before.bias_px[1],
         theta_rad=None if before.pixels.theta_rad is None else theta_rad,
         z_um=before.pixels.z_um,
         zoom=before.pixels.zoom,

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from microplan.executor.devices.calibration import look_frame
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
@@ -30,7 +29,7 @@ from microplan.featuresel.routines.contract import Artifact, Measurement
 from microplan.featuresel.routines.likelihood import likelihood
 from microplan.optics.lens.sensor import expose
 from microplan.schemas.plan import Look, Region, RoutineUse
-from tests.executor.bench import control, measure, plan_of
+from tests.executor.bench import control, measure
 from tests.executor.disc import PictureCamera, noisy, rig_of
 from tests.executor.disc import look as disc_look
 from tests.executor.run.test_servo import ACTION
@@ -103,18 +102,12 @@ def run(stage_sigma_um: float, said_um: float | None, seed: int) -> list[list[st
 
 
 def test_a_fit_goes_on_from_its_place_in_another_region() -> None:
-    look, need = post_look()[0], plan_of(()).requirements
-    region = look.measure.region
-    frames = [
-        look_frame(look, need, None, replace(region, row=region.row + down))
-        for down in (0, 7)
-    ]
+    """Less what is taken off: .3 and .1 pixels."""
     pixels = Measurement(
         column=20.3, row=30.1, theta_rad=None, score=1.0, spread_px=0.01, z_um=0.0
     )
-    x_um, y_um = frames[0].to_world(20.0, 30.0)  # .3, .1 px are the mean error
-    before = FoundFeature(x_um=x_um, y_um=y_um, pixels=pixels, frame=frames[0])
-    guess = guess_from(before, frames[1].to_pixel(x_um, y_um), 0.0)
+    before = FoundFeature(x_um=0.0, y_um=0.0, pixels=pixels, bias_px=(0.3, 0.1))
+    guess = guess_from(before, (20.0, 23.0), 0.0)
     assert (guess.column, guess.row) == pytest.approx((20.3, 23.1))
 
 
@@ -155,8 +148,7 @@ def test_the_reach_is_that_of_a_hand_over() -> None:
     pixels = Measurement(
         column=0.0, row=0.0, theta_rad=None, score=1.0, spread_px=0.01, z_um=0.0
     )
-    frame = look_frame(post_look()[0], plan_of(()).requirements, None)
-    before = FoundFeature(x_um=0.0, y_um=0.0, pixels=pixels, frame=frame)
+    before = FoundFeature(x_um=0.0, y_um=0.0, pixels=pixels, bias_px=(0.0, 0.0))
     blind = replace(before, pixels=replace(pixels, z_um=None))
 
     def routine(sigma_um: float, found: FoundFeature = before) -> str | None:
