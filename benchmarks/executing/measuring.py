@@ -124,11 +124,12 @@ class _Kept:
         self.camera = camera
         self.model, self.serial = camera.model, camera.serial
         self.last: Counts | None = None
+        self.region: Region | None = None  # of that frame
 
     def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
         """Return the camera's frame, and keep it."""
         frame = self.camera.grab(region, after_s=after_s)
-        self.last = frame.counts
+        self.last, self.region = frame.counts, region
         return frame
 
 
@@ -191,8 +192,15 @@ class _Watching:
         answer = measure_chain(image, stages, start)
         if isinstance(answer, Failure):
             return None
-        _, frame = self._rig.frame_of(look)
+        frame = self._rig.frame_of(_read(look, self._camera.region))
         return frame.to_world(answer.column, answer.row)
+
+
+def _read(look: Look, region: Region | None) -> Look:
+    """Return a look with the region that was read of it."""
+    if region is None:
+        raise RuntimeError(f"{look.id}: the whole frame was read, not its region")
+    return replace(look, measure=replace(look.measure, region=region))
 
 
 def _imaged_um(cell: Cell, x_um: float, y_um: float) -> tuple[float, float]:

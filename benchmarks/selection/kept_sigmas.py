@@ -28,6 +28,7 @@ from microplan.featuresel.look.design import random_design
 from microplan.featuresel.look.perturb import counts
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.repeatability import from_stops
 from microplan.featuresel.trials.tolerance_search import alone
 from microplan.featuresel.trials.trials import is_wrong, measure_picture
 from microplan.optics.lens.sensor import to_unit
@@ -102,10 +103,15 @@ def judge(look: CompiledLook, images: int, *, traced: bool = False) -> Kept:
     ready = alone(found.tried.comparison.prepared, found.chosen.chain)
     fine = exact(case, traced=traced)
     outcomes: list[Outcome] = []
+    stops_um = [z_um - case.focus_um for z_um in look.look.view.focus_stops_um]
     for trial in random_design(case, images, ROOT):
-        shown = counts(fine, replace(trial, model="exact"))
-        picture = to_unit(shown, case.sensor.bits)
-        outcomes += measure_picture(case, ready, trial, picture)
+        for stop in from_stops(trial, stops_um):
+            shown = counts(fine, replace(stop, model="exact"))
+            picture = to_unit(shown, case.sensor.bits)
+            (outcome,) = measure_picture(case, ready, stop, picture)
+            if outcome.failure is None:
+                break
+        outcomes.append(outcome)
     right = [o for o in outcomes if o.failure is None and not is_wrong(case, o)]
     errors = np.array([o.target_um for o in right]) - np.array(own_bias_um(measure))
     return Kept(

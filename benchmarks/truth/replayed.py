@@ -86,9 +86,9 @@ def replayed_looks(
 
     Of each the target's pose, the zoom, the focus, the light's side, the noise, and all
     other bodies' places are drawn as the plan's own trials have them, walls and faces
-    by the cell. What only moves
-    the whole image is left out, as it is there: the budget has its own terms for it.
-    The angle of a part is known as a run knows it then.
+    by the cell; where nothing is found the next focus stop follows. What moves all of
+    the image is left out: the budget has its own terms for it. So are gates. The angle
+    of a part is known as a run knows it then.
     """
     plan = read_plan(plan_file).plan
     looks = {look.id: look for step in plan.steps for look in step.looks}

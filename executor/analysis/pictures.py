@@ -15,7 +15,12 @@ from microplan.executor.analysis.appearance import (
     likeness,
 )
 from microplan.executor.analysis.picture_file import read_picture
-from microplan.executor.devices.calibration import LookFrame, look_frame
+from microplan.executor.devices.calibration import (
+    LookFrame,
+    in_region,
+    look_frame,
+    planned_pose,
+)
 from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import INDEX
@@ -90,8 +95,33 @@ class Viewer:
 
     @property
     def frame(self) -> LookFrame:
-        """The map between the look's planned region and the world."""
+        """Return the map between the look's planned region and the world."""
         return look_frame(self.look, self.plan.requirements, None)
+
+    def reading(self, region: Region | None) -> Viewer:
+        """Return the viewer of a picture of which a run measured a region.
+
+        A look that follows reads it where its target was believed; None: not known.
+        What cannot be its region is passed over.
+        """
+        planned, need = self.look.measure.region, self.plan.requirements
+        if region is None or not self.look.view.follows:
+            return self
+        if region != replace(planned, row=region.row, column=region.column):
+            return self
+        if not (
+            0 <= region.row <= need.height_px - region.rows
+            and 0 <= region.column <= need.width_px - region.columns
+        ):
+            return self
+        look = in_region(self.look, region, self.frame)
+        before, now = planned_pose(self.look.measure), planned_pose(look.measure)
+        expected = replace(
+            self.expected,
+            x_um=self.expected.x_um + now.x_um - before.x_um,
+            y_um=self.expected.y_um + now.y_um - before.y_um,
+        )
+        return replace(self, look=look, expected=expected)
 
 
 def viewer(
@@ -250,15 +280,8 @@ def _together(
 
 def _expected(measure: Measure, turn_rad: float | None) -> Pose:
     """Return the expected pose of the look's target, from its first feature's."""
-    pose = measure.reference.pose
-    theta = pose.theta_rad - measure.turn_rad
-    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta)
-    dx_um, dy_um = turn.apply(*measure.offset_um)
-    return Pose(
-        x_um=pose.x_um - dx_um,
-        y_um=pose.y_um - dy_um,
-        theta_rad=theta if turn_rad is None else turn_rad,
-    )
+    pose = planned_pose(measure)
+    return pose if turn_rad is None else replace(pose, theta_rad=turn_rad)
 
 
 def _believed(

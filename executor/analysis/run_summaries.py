@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.run_folder import EVENTS, PLAN, SUMMARY
 from microplan.schemas.codec import as_real
 from microplan.schemas.folders import contents
+from microplan.schemas.plan import Region
 
 _MOST_BYTES = 1 << 26  # of a file of lines
 _MOST = 1e100  # of a number: no device measures more, and no chart could show it
@@ -72,6 +73,22 @@ def read_left(folder: Path) -> RunArtifacts:
         events=tuple(_lines(folder / EVENTS)),
         frames=tuple(_lines(folder / FOLDER / INDEX)),
     )
+
+
+def measured_regions(folder: Path, look: str) -> Mapping[str, Region]:
+    """Return which regions of a run's frames in a folder were measured for a look.
+
+    By the names of files; what the index does not have whole is left out.
+    """
+    found = {}
+    for row in _lines(folder / INDEX):
+        values = reals(row, "measured")
+        if text(row, "look") != look or len(values) != len(fields(Region)):
+            continue
+        row_px, column, rows, columns = map(round, values)
+        region = Region(row=row_px, column=column, rows=rows, columns=columns)
+        found[Path(text(row, "file")).name] = region
+    return found
 
 
 def real(row: Row, name: str) -> float | None:

@@ -22,7 +22,7 @@ from microplan.executor.analysis.picture_report import (
     together,
 )
 from microplan.executor.analysis.pictures import files_of, find_in, viewer
-from microplan.executor.analysis.run_summaries import read_runs
+from microplan.executor.analysis.run_summaries import measured_regions, read_runs
 from microplan.executor.cli.options import RunOptions, parse
 from microplan.executor.cli.replay import replay
 from microplan.executor.cli.run_result import Ended, result_text
@@ -247,10 +247,12 @@ def _look_at_pictures(options: RunOptions, plan: Plan, pictures: Path) -> int:
     marked = options.marked or pictures.absolute().with_name(f"{look}.marked")
     if marked.absolute() == pictures.absolute():
         raise ExecutorError("MP878", f"{marked} holds the pictures themselves")
+    regions = measured_regions(pictures, look)
     findings = []
     for path in files:
-        found = find_in(seer, path)
-        picture = mark(seer, found, folder)
+        own = seer.reading(regions.get(path.name))
+        found = find_in(own, path)
+        picture = mark(own, found, folder)
         if picture is not None:
             write_marked(marked, path.name, picture)
         findings.append(replace(found, image=None))

@@ -6,10 +6,12 @@ import bisect
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from microplan.arrays import Point
 from microplan.executor.devices.errors import ExecutorError
 from microplan.featuresel.routines.picture import RegionFrame
-from microplan.schemas.plan import Look, Plan, Region, Requirements
+from microplan.schemas.plan import Look, Measure, Plan, Region, Requirements
 from microplan.schemas.pose import Pose
 
 
@@ -145,18 +147,14 @@ class LookFrame:
 
 
 def look_frame(
-    look: Look,
-    need: Requirements,
-    calibration: Calibration | None,
-    region: Region | None = None,
+    look: Look, need: Requirements, calibration: Calibration | None
 ) -> LookFrame:
-    """Return the map between the region that a look reads and the world.
+    """Return the map between a look's region and the world.
 
     By the station's calibration where it has one, else by the plan's own scale.
-    `region` is by default the planned one.
     """
     found = None if calibration is None else calibration.at(look.view.magnification)
-    region = look.measure.region if region is None else region
+    region = look.measure.region
     return LookFrame(
         region=RegionFrame(
             width_px=need.width_px,
@@ -169,13 +167,22 @@ def look_frame(
     )
 
 
-def followed_region(
+def planned_pose(measure: Measure) -> Pose:
+    """Return the planned pose of a look's target, by one of its features'."""
+    pose = measure.reference.pose
+    turned = replace(pose, theta_rad=pose.theta_rad - measure.turn_rad)
+    x_um, y_um = turned.apply(-measure.offset_um[0], -measure.offset_um[1])
+    return replace(turned, x_um=x_um, y_um=y_um)
+
+
+def placed_look(
     look: Look, need: Requirements, planned: LookFrame, expected: Pose
-) -> Region:
-    """Return the region that a look reads, with its target where it is believed.
+) -> Look:
+    """Return a look with its region about its target as it is believed.
 
     As many whole pixels off the planned one as the target is believed off its planned
-    place, if what is about it lies off as well (`View.follows`); within the frame.
+    place, if what is about it lies off as well (`View.follows`); within the frame. It
+    stays there from then on.
 
     Parameters
     ----------
@@ -188,15 +195,39 @@ def followed_region(
     expected : Pose
         Believed pose of the look's target, world.
     """
-    region, at = look.measure.region, look.measure.reference
     if not look.view.follows:
-        return region
-    column, row = planned.to_pixel(*expected.apply(*look.measure.offset_um))
-    down, right = round(row - at.row), round(column - at.column)
+        return look
+    region, at = look.measure.region, planned_pose(look.measure)
+    before, now = (planned.to_pixel(p.x_um, p.y_um) for p in (at, expected))
+    right, down = (round(b - a) for a, b in zip(before, now, strict=True))
+    column = min(max(region.column + right, 0), need.width_px - region.columns)
+    row = min(max(region.row + down, 0), need.height_px - region.rows)
+    return in_region(look, replace(region, column=column, row=row), planned)
+
+
+def in_region(look: Look, region: Region, planned: LookFrame) -> Look:
+    """Return a look that reads another region, and does not follow from there.
+
+    Its target is in the same pixels of it as in the planned one.
+    """
+    first, *others = (_moved(each, region, planned) for each in look.measures)
     return replace(
-        region,
-        row=min(max(region.row + down, 0), need.height_px - region.rows),
-        column=min(max(region.column + right, 0), need.width_px - region.columns),
+        look,
+        view=replace(look.view, follows=False),
+        measure=first,
+        others=tuple(others),
+    )
+
+
+def _moved(measure: Measure, region: Region, planned: LookFrame) -> Measure:
+    """Return a measurement in another region, where the same pixels are of it."""
+    right = region.column - measure.region.column
+    down = region.row - measure.region.row
+    x_um, y_um = np.subtract(planned.to_world(right, down), planned.to_world(0, 0))
+    pose = measure.reference.pose
+    pose = replace(pose, x_um=pose.x_um + float(x_um), y_um=pose.y_um + float(y_um))
+    return replace(
+        measure, region=region, reference=replace(measure.reference, pose=pose)
     )
 
 

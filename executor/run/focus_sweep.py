@@ -122,14 +122,13 @@ def height_by_pair(
     from microplan.featuresel.routines.likelihood import defocus_pair
 
     began_s, offsets = rig.station.clock.now_s(), (-offset_um, offset_um)
-    region, frame = rig.frame_of(look)
-    images = []
+    look, images = rig.placed(look), []
     for offset in offsets:
         rig.set_view(look.view, focus_um=expected_um + offset)
-        counts = rig.grab(region, keep=False)
+        counts = rig.grab(look.measure.region, keep=False)
         images.append(to_unit(counts, rig.plan.requirements.bits))
     seconds = rig.station.clock.now_s() - began_s
-    column, row = frame.to_pixel(part.x_um, part.y_um)
+    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
     guess = Guess(column=column, row=row, theta_rad=part.theta_rad)
     found = defocus_pair.measure(images, offsets, artifact, guess)
     if isinstance(found, Failure):
@@ -154,12 +153,12 @@ def _score_at(
     from microplan.featuresel.routines.focus.measures import ring_mask, tenengrad
 
     rig.set_view(look.view, focus_um=focus_um)
-    region, frame = rig.frame_of(look)
-    counts = rig.grab(region, keep=False)  # mostly blurred
+    look = rig.placed(look)
+    counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
     image = to_unit(counts, rig.plan.requirements.bits)
     mask = None
     if search.ring_radius_um:
-        column, row = frame.to_pixel(part.x_um, part.y_um)
+        column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
         radius_px = search.ring_radius_um / look.view.um_per_px
         mask = ring_mask(counts.shape, column, row, radius_px, RING_HALF * radius_px)
     try:

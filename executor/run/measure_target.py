@@ -196,12 +196,12 @@ def _sight(
     stops = (look.view.focus_um, *look.view.focus_stops_um)
     focus_um = stops[(tries - 1) % len(stops)]
     rig.set_view(look.view, focus_um=focus_um)
-    region, frame = rig.frame_of(look)
-    counts = rig.grab(region, look=look.id)
+    look = rig.placed(look)
+    counts = rig.grab(look.measure.region, look=look.id)
     readings = rig.readings()
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
-        frame=frame,
+        frame=rig.frame_of(look),
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),
         warm_start=warm_start,

@@ -179,6 +179,7 @@ def probe(
     ExecutorError
         See `look_probed`.
     """
+    look = rig.placed(look)  # what the moves do must not move the region
     axes = rig.beliefs.belief(look.target).carrier
     landing_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
     job = _ProbeState(

@@ -9,8 +9,8 @@ from typing import Literal
 
 from microplan.executor.devices.calibration import (
     LookFrame,
-    followed_region,
     look_frame,
+    placed_look,
 )
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
@@ -262,12 +262,14 @@ class Rig:
             )
         return counts
 
-    def frame_of(self, look: Look) -> tuple[Region, LookFrame]:
-        """Return the region that a look reads now, and its map to the world."""
-        calibration, need = self.station.offer.calibration, self.plan.requirements
-        planned = look_frame(look, need, calibration)
+    def frame_of(self, look: Look) -> LookFrame:
+        """Return the map between a look's region and the world."""
+        calibration = self.station.offer.calibration
+        return look_frame(look, self.plan.requirements, calibration)
+
+    def placed(self, look: Look) -> Look:
+        """Return a look with its region where its target is believed now."""
         if not look.view.follows:
-            return look.measure.region, planned
+            return look
         expected = self.beliefs.world(look.target, self.readings())
-        region = followed_region(look, need, planned, expected)
-        return region, look_frame(look, need, calibration, region)
+        return placed_look(look, self.plan.requirements, self.frame_of(look), expected)

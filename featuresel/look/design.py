@@ -48,6 +48,7 @@ class Trial:
     model: str
     seed: tuple[int, ...]  # of the noise
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
+    together_um: tuple[float, float] = (0.0, 0.0)  # of both, the target's start as well
     lens: LensErrors | None = None  # what it truly does; None: what is known of it
     noise: float = 1.0  # times the sensor's
     turns_rad: tuple[float, ...] = ()  # of each of the spread's `turning`
@@ -295,6 +296,7 @@ def _trial(
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
         occluder_um=(float(other_x_um), float(other_y_um)),
+        together_um=(float(all_um[0]), float(all_um[1])),
         lens=true_lens(case.lens, spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, spread, index, root),

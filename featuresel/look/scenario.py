@@ -70,7 +70,7 @@ class TrialSpread:
     # of the static bodies that are not the target's owner, all of them together
     occluder_sigma_um: float = 0.0
     # by up to which all bodies lie off together, x and y, uniform: half a pixel where
-    # the region goes along with them
+    # the region moves with the target
     together_um: float = 0.0
     turning: tuple[UnknownRotation, ...] = ()  # of that, what lies at unknown angles
     noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise

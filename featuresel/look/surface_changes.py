@@ -114,7 +114,7 @@ def _own_bodies(case: LookCase) -> set[str]:
 
 def _places_um(case: LookCase) -> Places:
     """Return displacements of the target, as far as its pose is likely to be off."""
-    sigma_um = case.drawn.pose_sigma_xy_um
+    sigma_um = case.promised.pose_sigma_xy_um
     far_um = max(_RADIUS * sigma_um, case.microscope.um_per_px)
     turns = [_TURN_RAD + 4 * math.pi * k / _PLACES for k in range(_PLACES)]
     return tuple((far_um * math.cos(a), far_um * math.sin(a)) for a in turns)

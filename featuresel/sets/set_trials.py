@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from microplan.arrays import FloatArray
+from microplan.arrays import FloatArray, Point
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase
@@ -16,6 +16,7 @@ from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, SeenFeature, fuse
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.repeatability import from_stops
 from microplan.featuresel.trials.score import ChainScore, chain_cost, score_chain
 from microplan.featuresel.trials.trials import Map, PreparedRoutines, follow, outcome_of
 
@@ -47,6 +48,7 @@ def score_set(
     trials: Sequence[Trial],
     *,
     least: int,
+    stops_um: Sequence[float] = (),
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> ChainScore:
     """Return what the members tell together of the case's target, by fresh trials.
@@ -61,6 +63,8 @@ def score_set(
         Of `case`, see `microplan.featuresel.look.design.design`.
     least : int
         Features that must answer for the set to answer.
+    stops_um : sequence of float
+        Further stops of the focus from the look's own, in turn, until so many have.
     map : callable
         As in `microplan.featuresel.trials.trials.run`; gets one trial at a time.
 
@@ -77,7 +81,8 @@ def score_set(
     """
     if not members or not trials:
         raise ValueError("a set needs members and trials")
-    outcomes = tuple(map(partial(_tried, case, tuple(members), least), trials))
+    tried = partial(_tried, case, tuple(members), least, tuple(stops_um))
+    outcomes = tuple(map(tried, trials))
     cost = sum(chain_cost(m.case, m.prepared, m.chain) for m in members)
     return score_chain(case, _chain(members), outcomes, cost)
 
@@ -87,12 +92,38 @@ def _chain(members: Sequence[Member]) -> Chain:
     return tuple(member.name for member in members)
 
 
+def _found(
+    case: LookCase,
+    members: Sequence[Member],
+    least: int,
+    stops_um: Sequence[float],
+    trial: Trial,
+) -> list[SeenFeature | Failure]:
+    """Return each member as the first focus stop that shows it has it.
+
+    There are no further stops once `least` are found.
+    """
+    found: list[SeenFeature | Failure] = [Failure("not_seen", "")] * len(members)
+    for stop in from_stops(trial, stops_um):
+        picture, off_um = image(case, stop), trial.together_um
+        found = [
+            known if isinstance(known, SeenFeature) else _seen(member, picture, off_um)
+            for known, member in zip(found, members, strict=True)
+        ]
+        if sum(isinstance(each, SeenFeature) for each in found) >= least:
+            break
+    return found
+
+
 def _tried(
-    case: LookCase, members: Sequence[Member], least: int, trial: Trial
+    case: LookCase,
+    members: Sequence[Member],
+    least: int,
+    stops_um: Sequence[float],
+    trial: Trial,
 ) -> Outcome:
     """Return what the set says of one trial."""
-    picture = image(case, trial)
-    found = [_seen(member, picture) for member in members]
+    found = _found(case, members, least, stops_um, trial)
     answered = [seen for seen in found if isinstance(seen, SeenFeature)]
     if len(answered) < least:
         missed = next(seen for seen in found if isinstance(seen, Failure))
@@ -119,10 +150,13 @@ def _believed(case: LookCase) -> Believed | None:
     )
 
 
-def _seen(member: Member, picture: FloatArray) -> SeenFeature | Failure:
-    """Return a feature as one image shows it, its mean error taken off."""
+def _seen(member: Member, picture: FloatArray, off_um: Point) -> SeenFeature | Failure:
+    """Return a feature as one image shows it, its mean error taken off.
+
+    It starts as far off the nominal place as is known.
+    """
     case = member.case
-    found = follow(case, member.prepared, member.chain, picture, {})
+    found = follow(case, member.prepared, member.chain, picture, {}, off_um)
     if isinstance(found, Failure):
         return found
     place = located(case, found)

@@ -42,7 +42,8 @@ def repeatability(
 
     A choice among chains favours those that were lucky in its trials; these are others,
     drawn with `LookCase.promised` alone: no corner is among them. A chain that finds
-    nothing looks again from the next stop of the focus, as in a run.
+    nothing looks again from the next stop of the focus, as in a run; gates, which send
+    a run there, too, are left out.
 
     Parameters
     ----------
@@ -68,9 +69,19 @@ def repeatability(
     )
     trials = random_design(case, count, root_seed)
     outcomes = run(case, alone, trials, map=map)
-    for number, stop_um in enumerate(stops_um, 1):
-        outcomes = _seen_again(case, alone, trials, outcomes, (number, stop_um), map)
+    for number in range(1, 1 + len(stops_um)):
+        some = stops_um[:number]
+        outcomes = _seen_again(case, alone, trials, outcomes, some, map)
     return Repeated(outcomes=outcomes, scores=score(case, alone, outcomes))
+
+
+def from_stops(trial: Trial, stops_um: Sequence[float]) -> tuple[Trial, ...]:
+    """Return a trial from the look's own focus, and from each further stop, um off."""
+    further = (
+        replace(trial, dz_um=trial.dz_um + off_um, seed=(*trial.seed, number))
+        for number, off_um in enumerate(stops_um, 1)
+    )
+    return (trial, *further)
 
 
 def _seen_again(
@@ -78,21 +89,14 @@ def _seen_again(
     prepared: PreparedRoutines,
     trials: Sequence[Trial],
     outcomes: Outcomes,
-    stop: tuple[int, float],
+    stops_um: Sequence[float],
     map: Map,  # noqa: A002 - as above
 ) -> Outcomes:
-    """Return outcomes with those of another focus stop where nothing was found.
-
-    `stop` has its number and how far it is from the look's own focus, um.
-    """
-    number, off_um = stop
+    """Return outcomes with those of the last stop where nothing was found before."""
     found = {(o.chain, o.trial): o for o in outcomes}
     for chain in prepared.chains:
-        lost = [trials[o.trial] for o in outcomes.by(chain) if o.failure is not None]
-        again = [
-            replace(trial, dz_um=trial.dz_um + off_um, seed=(*trial.seed, number))
-            for trial in lost
-        ]
+        lost = [o.trial for o in outcomes.by(chain) if o.failure is not None]
+        again = [from_stops(trials[index], stops_um)[-1] for index in lost]
         only = replace(prepared, chains=(chain,))
         found |= {(o.chain, o.trial): o for o in run(case, only, again, map=map)}
     return Outcomes.of(found.values())

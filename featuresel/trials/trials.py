@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from microplan.arrays import FloatArray
+from microplan.arrays import FloatArray, Point
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import counts
@@ -68,12 +68,15 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
     return PreparedRoutines(chains=tuple(chains), artifacts=artifacts)
 
 
-def start(case: LookCase) -> Guess:
-    """Return where a look starts: the nominal position, the angle if known."""
-    theta = None if case.theta_any else case.target.theta_rad
+def start(case: LookCase, off_um: Point = (0.0, 0.0)) -> Guess:
+    """Return where a look starts: the nominal position, the angle if known.
+
+    Or as far off it as is known, world um.
+    """
+    theta, k = None if case.theta_any else case.target.theta_rad, case.target.px_per_um
     return Guess(
-        column=case.target.column,
-        row=case.target.row,
+        column=case.target.column + k * off_um[0],
+        row=case.target.row - k * off_um[1],
         theta_rad=theta,
         theta_assumed=True,
     )
@@ -161,7 +164,7 @@ def measure_picture(
             case,
             trial,
             chain,
-            follow(case, prepared, chain, picture, done),
+            follow(case, prepared, chain, picture, done, trial.together_um),
         )
         for chain in prepared.chains
     )
@@ -173,14 +176,15 @@ def follow(
     chain: Chain,
     picture: FloatArray,
     done: dict[Chain, ChainState | Failure],
+    off_um: Point = (0.0, 0.0),
 ) -> Measurement | Failure:
     """Return what `measure_chain` would in `picture`, (rows, columns) 0..1.
 
-    A beginning that chains share is done once.
+    A beginning that chains share is done once. `off_um` is as `start` has it.
 
     `done` holds the beginnings done on this image so far, and takes what is added.
     """
-    progress = ChainState(guess=start(case))
+    progress = ChainState(guess=start(case, off_um))
     for length, name in enumerate(chain, 1):
         beginning = chain[:length]
         if beginning not in done:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from microplan.featuresel.selection.evaluate import is_fit
 from microplan.featuresel.trials.chains import Chain
@@ -222,7 +223,9 @@ def _together(
         )
         faults = {m.shape.name: m for m in found if m.charges.fault}
         if not faults:
-            return sets, found
+            usable_um = [each.usable.focus_um for each in found]
+            chosen = search.repeated(sets.chosen, usable_um)
+            return replace(sets, chosen=chosen), found
         for name, each in faults.items():
             why = {each.chosen.chain: f"errors of images: {each.charges.fault}"}
             struck[name] = {**struck.get(name, {}), **why}

@@ -30,6 +30,7 @@ from microplan.planner.looks.feature_evaluation import target_alone
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.scenario import MOST_TOGETHER
 from microplan.planner.task.presets import Effort
+from microplan.planner.task.workcell import Interval
 from microplan.planner.views.features import offset_um
 from microplan.schemas import plan as p
 
@@ -124,19 +125,24 @@ class FeatureSetSearch:
             fault = f"{target} alone does better"
         if fault:
             return None, f"{' + '.join(found.names)}: {fault}"
-        return replace(chosen, repeated=self._repeated(chosen)), ""
+        return chosen, ""
 
-    def _repeated(self, chosen: ChosenSet) -> ChainScore:
-        """Return the score of a set on fresh random trials."""
+    def repeated(self, chosen: ChosenSet, usable_um: Sequence[Interval]) -> ChosenSet:
+        """Return a set with its score on fresh random trials.
+
+        `usable_um` has each feature's focus range: the stops of the look are by these.
+        """
         context, fresh = self.problem.context, self._named(chosen.tested)
-        return context.memo.call(
+        score = context.memo.call(
             score_set,
             fresh,
             self._members(chosen.tested, chosen.sights),
             random_design(fresh, context.effort.random_trials, self.problem.task.seed),
             least=chosen.least,
+            stops_um=self.problem.stops_um(fresh, usable_um),
             map=context.map,
         )
+        return replace(chosen, repeated=score)
 
     def _missed(self, chosen: ChosenSet) -> str:
         """Return which limit a set misses, as the part may be made."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from microplan.featuresel.look.scenario import LookCase
@@ -20,6 +20,8 @@ from microplan.planner.looks.scenario import build_case
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort
 from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Interval
+from microplan.planner.views.focus import look_stops
 from microplan.planner.views.requests import Request
 from microplan.planner.views.target_views import needed_shape
 from microplan.planner.views.targets import TargetShape
@@ -85,6 +87,14 @@ class LookProblem:
     def is_round(self) -> bool:
         """Return whether an angle is needed that the target itself does not have."""
         return self.request.needs_angle_rad is not None and self.shape.symmetry == 0
+
+    def stops_um(
+        self, case: LookCase, usable_um: Sequence[Interval]
+    ) -> tuple[float, ...]:
+        """Return further focus stops from a look's own, by its features' ranges."""
+        owner, focus_um = self.shape.owner, case.focus_um
+        stops_um = look_stops(self.task, self.request.state, owner, focus_um, usable_um)
+        return tuple(stop_um - focus_um for stop_um in stops_um)
 
     def asked(self, tolerance_um: float, asked_by: str) -> LookProblem:
         """Return the same look at another tolerance, as its only limit."""

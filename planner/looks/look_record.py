@@ -45,7 +45,6 @@ from microplan.planner.looks.records import (
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
-from microplan.planner.views.focus import look_stops
 from microplan.planner.views.lens_errors import (
     middle_sigma_um,
 )
@@ -81,10 +80,10 @@ def sigma_without_scale_um(
     """
     case, place_um = tried.case, np.array([tried.case.x_um, tried.case.y_um])
     chosen = repeated.of(chain)
-    scale_um = float(np.hypot(*place_um)) * case.drawn.magnification_sigma
+    scale_um = float(np.hypot(*place_um)) * case.promised.magnification_sigma
     if chosen.sigma_um is None or scale_um < NOTHING * chosen.sigma_um:
         return math.inf
-    if case.theta_any or case.drawn.pose_sigma_theta_rad > SMALL_RAD:
+    if case.theta_any or case.promised.pose_sigma_theta_rad > SMALL_RAD:
         return math.inf
     right = repeated.outcomes.by(chain).only(
         lambda o: o.world_um is not None and not is_wrong(case, o)
@@ -160,13 +159,6 @@ def measured(
         map=context.map,
     )
     spare = tried.comparison.selection.fallback
-    stops_um = look_stops(
-        problem.task,
-        problem.request.state,
-        (shape or problem.shape).owner,
-        case.focus_um,
-        [usable.focus_um],
-    )
     repeated = context.memo.call(
         repeatability,
         case,
@@ -174,7 +166,7 @@ def measured(
         (chosen.chain,) if spare is None else (chosen.chain, spare.chain),
         count=context.effort.random_trials,
         root_seed=seed,
-        stops_um=tuple(stop_um - case.focus_um for stop_um in stops_um),
+        stops_um=problem.stops_um(case, [usable.focus_um]),
         map=context.map,
     )
     return MeasuredFeature(

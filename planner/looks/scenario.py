@@ -25,6 +25,7 @@ from microplan.planner.assembly.assembly import (
     height_sigma_um,
     locate_place,
 )
+from microplan.planner.assembly.swept_volume import SIGMAS
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
@@ -62,7 +63,10 @@ def build_case(
     spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
-    spread = _spread(task, request, spot, static, scope)
+    spread = replace(
+        _spread(task, request, spot, static), together_um=_together_um(view, spot)
+    )
+    stated = _stated(task, request, spot, spread)
     lens = known_errors(task.workcell)
     background = field_level(stage_level(task.workcell), task.workcell, scope)
     shown = Scene(
@@ -75,7 +79,7 @@ def build_case(
         choose,
         imaged,
         scope,
-        focus_um=_focus_range(view, spread),
+        focus_um=_focus_range(view, spread, stated),
         limit=max_image_error,
         window=view.region,
     )
@@ -107,11 +111,11 @@ def build_case(
         background_z_um=shown.background_z_um,
         treatment="joint"
         if lamp is not None or asks_for_walls(task.workcell)
-        else _treatment(imaged, view, spread, max_image_error),
+        else _treatment(imaged, view, (spread, stated), max_image_error),
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
         spread=spread,
-        stated=_stated(task, request, spot, spread),
+        stated=stated,
     )
     surfaces = unknown_surfaces(case, bodies(task, request.state), task.workcell.tools)
     return replace(case, surfaces=surfaces), fidelity
@@ -153,7 +157,9 @@ def feature_case(
         if case.tolerance_theta_rad is None or angle is None
         else angle * SHARE_TOGETHER,
         spread=replace(case.spread, pose_sigma_xy_um=wide_um, search_um=far_um),
-        stated=replace(case.drawn, pose_sigma_xy_um=spot.sigma_xy_um, search_um=far_um),
+        stated=replace(
+            case.promised, pose_sigma_xy_um=spot.sigma_xy_um, search_um=far_um
+        ),
     )
 
 
@@ -176,7 +182,10 @@ def _lamp(
 
 
 def _treatment(
-    imaged: Scene, view: ViewPlan, spread: TrialSpread, max_image_error: float
+    imaged: Scene,
+    view: ViewPlan,
+    spreads: Sequence[TrialSpread],
+    max_image_error: float,
 ) -> str:
     """Return the treatment of layers; the more expensive one must keep the limit.
 
@@ -186,16 +195,16 @@ def _treatment(
     found = choose_layers(
         imaged,
         view.microscope,
-        focus_um=_focus_range(view, spread),
+        focus_um=_focus_range(view, *spreads),
         limit=max_image_error,
         window=view.region,
     )
     return found.treatment if found.keeps_limit else "joint"
 
 
-def _focus_range(view: ViewPlan, spread: TrialSpread) -> tuple[float, ...]:
+def _focus_range(view: ViewPlan, *spreads: TrialSpread) -> tuple[float, ...]:
     """Return the focus heights that a fidelity must hold for."""
-    off = _FOCUS_SIGMAS * spread.focus_sigma_um
+    off = _FOCUS_SIGMAS * max(spread.focus_sigma_um for spread in spreads)
     heights = (view.focus_um, view.focus_um - off, view.focus_um + off)
     return heights if off > 0 else heights[:1]
 
@@ -263,11 +272,7 @@ def _sigma_theta(task: Task, spot: Place) -> float:
 
 
 def _spread(
-    task: Task,
-    request: Request,
-    spot: Place,
-    static: Sequence[Layer],
-    scope: Microscope,
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
 ) -> TrialSpread:
     """Return what is tried: the task's benchmark, at least as the workcell states it.
 
@@ -296,12 +301,30 @@ def _spread(
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
         occluder_sigma_um=max((place.sigma_xy_um for place in higher), default=0.0),
-        together_um=scope.um_per_px / 2 if spot.followed_um > 0 else 0.0,
         turning=rotations,
         lens=LensErrors(
             field_curvature_sigma_per_um=optics.lens.field_curvature_sigma_per_um
         ),
     )
+
+
+def _together_um(view: ViewPlan, spot: Place) -> float:
+    """Return by how much all that follows together may lie off in the region.
+
+    Half a pixel, as the region moves by whole ones, or by what the frame leaves no room
+    to move for.
+    """
+    if spot.followed_um == 0:
+        return 0.0
+    scope, region = view.microscope, view.region
+    room_px = min(
+        region.row,
+        region.column,
+        scope.height_px - region.row - region.rows,
+        scope.width_px - region.column - region.columns,
+    )
+    left_um = SIGMAS * spot.followed_um - scope.um_per_px * room_px
+    return max(scope.um_per_px / 2, left_um)
 
 
 def _stated(

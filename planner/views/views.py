@@ -56,8 +56,8 @@ def region_for(
 ) -> Window:
     """Return the part of the frame that holds the target wherever it may be.
 
-    Trials reach `search_um`, and there half the surroundings will do. By what it has
-    followed the region goes along.
+    Trials reach `search_um`, and there half the surroundings will do. By `followed_um`
+    the region moves with the target (`View.follows`): that needs no room in it.
     """
     room = max(
         SEARCH_SIGMAS * place.sigma_xy_um + CONTEXT_UM, search_um + CONTEXT_UM / 2

@@ -20,7 +20,8 @@ class View:
     field_um: tuple[float, float]  # width, height
     um_per_px: float  # in object space
     # whether the region is read about where the target is believed, whole pixels off
-    # the planned place, since all of the scene lies off together. Added after 2.4
+    # the planned place: what a robot has brought there lies off with it. Added after
+    # 2.4; a runtime that passes over it looks at the planned place
     follows: bool = False
 
 

@@ -53,7 +53,7 @@ class Gates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BiasAt:
-    """Mean error that the renderer predicts at one focus, in the target's frame."""
+    """Mean error predicted at one focus, in the target's frame."""
 
     dz_um: float  # of the focus from the look's own
     bias_x_um: float  # along x of the target

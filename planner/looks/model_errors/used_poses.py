@@ -39,7 +39,8 @@ def used_poses(
     if count < 2 or count % 2:
         raise ValueError(f"count must be even and at least 2, got {count}")
     pairs = count // 2
-    fresh = replace(case, key=f"{case.key}/used")
+    # what is farther out of focus is seen from another focus stop, nearer to its own
+    fresh = replace(case, key=f"{case.key}/used", stated=case.drawn)
     drawn = random_design(fresh, count, root_seed)
     rim_um = within_um or _RIM_SIGMAS * case.drawn.pose_sigma_xy_um
     found = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import struct
 import zlib
 from dataclasses import replace
@@ -22,9 +23,10 @@ from microplan.executor.analysis.picture_report import together
 from microplan.executor.analysis.pictures import Finding, find_in, viewer
 from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.frames import INDEX
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.simulated.cell import build_cell
-from microplan.schemas.plan import Plan, Region, parse_plan
+from microplan.schemas.plan import Plan, Region, dump_plan, parse_plan
 from microplan.schemas.pose import Pose
 from tests.executor.bench import Folder, assembly, quiet, world
 
@@ -97,6 +99,49 @@ def test_the_gear_is_found_where_it_truly_is(
         assert (found.x_um, found.y_um) == pytest.approx(place, abs=0.15)
         assert [g.name for g in found.attempts[0].gates][:1] == ["score"]
         assert all(g.passed for g in found.attempts[0].gates)
+
+
+def test_a_runs_frames_are_read_where_the_run_read_them(
+    built: Path, frames: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All of the scene lies 90 pixels off, which the run knew."""
+    plan = plan_of(built)
+    step, look = plan.steps[0], plan.steps[0].looks[0]
+    follows = replace(look, view=replace(look.view, follows=True))
+    folder = shutil.copytree(built, tmp_path / "plan")
+    changed = replace(plan, steps=(replace(step, looks=(follows,)),))
+    (folder / "plan.json").write_text(dump_plan(changed), "utf-8")
+    pictures = tmp_path / "frames"
+    pictures.mkdir()
+    moved = np.roll(frames[0], (-60, 90), axis=(0, 1))
+    cv2.imwrite(str(pictures / "a.png"), moved)
+    region = region_of(plan)
+    where = [region.row - 60, region.column + 90, region.rows, region.columns]
+    index, pitch_um = pictures / INDEX, look.view.um_per_px
+    asked = str(pictures), "--format", "json", "--marked", str(tmp_path / "marked")
+
+    def found(line: dict[str, object]) -> dict[str, Any]:
+        index.write_text(json.dumps(line) + "\n", "utf-8")
+        call(folder, Path(asked[0]), *asked[1:])
+        said: dict[str, Any] = json.loads(capsys.readouterr().out)["pictures"][0]
+        return said
+
+    line: dict[str, object] = {"file": "frames/a.png", "look": LOOK, "measured": where}
+    right = found(line)
+    assert right["code"] is None, right
+    assert (right["x_um"], right["y_um"]) == pytest.approx(
+        (PLACES[0][0] + 90 * pitch_um, PLACES[0][1] + 60 * pitch_um), abs=0.15
+    )
+    for wrong in (
+        {**line, "look": "other"},
+        {**line, "file": "frames/b.png"},
+        {**line, "measured": [-60, 0, *where[2:]]},
+        {**line, "measured": [1e9, where[1], *where[2:]]},
+        {**line, "measured": [*where[:2], 5, 5]},
+        {**line, "measured": where[:3]},
+        {**line, "measured": None},
+    ):
+        assert found(wrong)["code"] is not None, wrong
 
 
 def test_every_kind_of_picture_of_the_same_frame_says_the_same(

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-import pytest
+import math
+from dataclasses import replace
 
-from microplan.executor.devices.calibration import Calibration, ZoomPoint, look_frame
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from microplan.executor.devices.calibration import (
+    Calibration,
+    ZoomPoint,
+    look_frame,
+    placed_look,
+    planned_pose,
+)
+from microplan.schemas.plan import Look
+from microplan.schemas.pose import Pose
 from tests.executor.bench import plan_of
-from tests.executor.disc import look
+from tests.executor.disc import REGION, look
 
 LOW = ZoomPoint(magnification=5.0, um_per_px=1.6, shift_um=(0.0, 2.0))  # 8 um pixels
 HIGH = ZoomPoint(magnification=20.0, um_per_px=0.45, shift_um=(4.0, 0.0))  # 9 um pixels
@@ -52,3 +65,50 @@ def test_a_looks_frame_undoes_the_shift_at_the_stations_scale() -> None:
     x_um, y_um = plain.to_world(10.0, 20.0)
     assert frame.to_world(10.0, 20.0) == pytest.approx((2 * x_um - 3, 2 * y_um + 1))
     assert frame.to_pixel(*frame.to_world(10.0, 20.0)) == pytest.approx((10.0, 20.0))
+
+
+# --- looks that follow
+
+NEED = plan_of(()).requirements
+SHIFTED = Calibration(
+    zooms=(ZoomPoint(magnification=7.5, um_per_px=0.8, shift_um=(3.0, -2.0)),)
+)
+PLACES = st.floats(-900.0, 900.0)
+
+
+def placed(found: Look, pose: Pose, calibration: Calibration | None) -> Look:
+    frame = look_frame(found, NEED, calibration)
+    return placed_look(found, NEED, frame, pose)
+
+
+@given(PLACES, PLACES, st.floats(-math.pi, math.pi), st.sampled_from([None, SHIFTED]))
+def test_a_region_follows_its_target_by_whole_pixels_within_the_frame(
+    x_um: float, y_um: float, theta_rad: float, calibration: Calibration | None
+) -> None:
+    """What is seen at a pixel of it is as far from the target as planned."""
+    plain = look()[0]
+    aside = replace(plain.measure, offset_um=(30.0, 10.0), turn_rad=0.3)
+    follows = replace(plain, view=replace(plain.view, follows=True), measure=aside)
+    at = planned_pose(aside)
+    expected = Pose(x_um=at.x_um + x_um, y_um=at.y_um + y_um, theta_rad=theta_rad)
+    found = placed(follows, expected, calibration)
+    region, pitch_um = found.measure.region, 1.0 if calibration is None else 0.8
+    assert (region.rows, region.columns) == (REGION.rows, REGION.columns)
+    assert 0 <= region.row <= NEED.height_px - region.rows
+    assert 0 <= region.column <= NEED.width_px - region.columns
+    now = planned_pose(found.measure)
+    gone = (region.column - REGION.column, REGION.row - region.row)
+    assert (now.x_um - at.x_um, now.y_um - at.y_um) == pytest.approx(
+        (pitch_um * gone[0], pitch_um * gone[1])
+    )
+    wanted = (x_um / pitch_um, y_um / pitch_um)
+    columns = (-REGION.column, NEED.width_px - region.columns - REGION.column)
+    rows = (REGION.row - NEED.height_px + region.rows, REGION.row)
+    for had, asked, (low, high) in zip(gone, wanted, (columns, rows), strict=True):
+        assert had == pytest.approx(min(max(asked, low), high), abs=0.5 + 1e-9)
+    assert placed(found, expected, calibration) is found  # it stays there
+
+
+def test_a_look_that_does_not_follow_stays() -> None:
+    plain = look()[0]
+    assert placed(plain, Pose(x_um=50.0, y_um=9.0), None) is plain

@@ -22,7 +22,7 @@ from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.schemas.plan import AlignAction, AxisMove, Look, Plan, Region
 from microplan.schemas.pose import Pose
 from tests.executor.bench import control, plan_of, step
-from tests.executor.disc import PictureCamera, disc, look, noisy, rig_of
+from tests.executor.disc import REGION, PictureCamera, disc, look, noisy, rig_of
 
 STAGE_UM = 0.05  # one sigma per axis of the simulated stage
 REACH_UM = 14.0  # of the look's capture range; its rays start inside the disc
@@ -121,6 +121,39 @@ def test_a_wrong_image_is_refused_and_named(
     assert refused.value.code == code
     pose = cell.truth.pose(cell.truth.bodies["gear"])
     assert math.hypot(pose.x_um, pose.y_um) <= REACH_UM  # it was never far
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"), [(((-1, 0), (0, 1)), "x is mirrored"), (((1, 0), (0, 1)), "")]
+)
+def test_a_look_that_follows_stays_where_it_is_while_a_probe_moves(
+    matrix: Matrix, words: str
+) -> None:
+    """Else a target that goes the other way would be twice as far from its start."""
+    away = (70.0, -55.0)  # all of the scene, as is believed: beyond the planned region
+    rig, found, cell = probing(at=away)
+    asked = set[Region]()
+
+    def show(region: Region | None) -> Counts:
+        assert region is not None
+        asked.add(region)
+        pose = cell.truth.pose(cell.truth.bodies["gear"])
+        moved = np.array(matrix) @ (pose.x_um - away[0], pose.y_um - away[1])
+        right, down = region.column - REGION.column, region.row - REGION.row
+        shown = disc(away[0] + moved[0] - right, away[1] + moved[1] + down)
+        return np.rint(255 * shown).astype(np.uint8)
+
+    rig.station = replace(rig.station, camera=PictureCamera(show))
+    rig.beliefs.update("gear", rig.readings(), *away, None)
+    follows = replace(found, view=replace(found.view, follows=True))
+    if not words:
+        look_probed(rig, follows)
+        assert named(rig, "probe")
+    else:
+        with pytest.raises(ExecutorError, match=words) as refused:
+            look_probed(rig, follows)
+        assert refused.value.code == "MP833"
+    assert asked == {replace(REGION, column=REGION.column + 70, row=REGION.row + 55)}
 
 
 def test_what_a_station_may_be_off_by_passes() -> None:

@@ -202,6 +202,22 @@ def _lens(trial: Trial) -> LensErrors:
     return trial.lens
 
 
+def test_a_height_that_is_hardly_known_is_promised_for_not_chosen_by(
+    look: Look,
+) -> None:
+    """A chain is chosen by what is tried; its sigma is of the whole height."""
+    plain = look("between")
+    wide = replace(plain.spread, focus_sigma_um=5 * plain.spread.focus_sigma_um)
+    case = replace(plain, stated=wide)
+    chosen_by = [t.dz_um for t in design(case, 400, 3) if not t.corner]
+    promised = [t.dz_um for t in random_design(case, 400, 3)]
+    for drawn, sigma in ((chosen_by, 1), (promised, 5)):
+        # 4 standard errors of a sigma, as for the other axes
+        assert np.std(drawn) == pytest.approx(
+            sigma * plain.spread.focus_sigma_um, rel=4 / math.sqrt(2 * len(drawn))
+        )
+
+
 def test_what_goes_along_lies_off_together(look: Look) -> None:
     """By as much for the target and for all else, uniformly to either side."""
     plain = look("between")
@@ -210,9 +226,11 @@ def test_what_goes_along_lies_off_together(look: Look) -> None:
     target = np.array([(b.dx_um - a.dx_um, b.dy_um - a.dy_um) for a, b in pairs])
     others = [np.subtract(b.occluder_um, a.occluder_um) for a, b in pairs]
     np.testing.assert_allclose(target, others, atol=1e-12)
+    starts = [trial.together_um for _, trial in pairs]
+    np.testing.assert_allclose(target, starts, atol=1e-12)
     assert np.abs(target).max() <= 0.5
-    for sigma in target.std(axis=0):
-        assert sigma == pytest.approx(1 / math.sqrt(12), rel=0.1)
+    for sigma in target.std(axis=0):  # 4 standard errors of 400 uniform numbers
+        assert sigma == pytest.approx(1 / math.sqrt(12), rel=4 * 0.0224)
 
 
 def test_what_is_known_of_the_lens_stays_known(look: Look) -> None:

@@ -129,6 +129,20 @@ def test_a_set_says_so_where_too_few_answer() -> None:
     assert seen.failures == (("not_prepared", 6),)
 
 
+def test_a_set_is_looked_for_from_further_focus_stops() -> None:
+    """Features that one stop shows count at the next, as in a run."""
+    case, some = bracket(), members(*CORNERS)
+    near = design(case, 6, 2)
+    far = [replace(trial, dz_um=trial.dz_um - 600.0) for trial in near]
+    assert score_set(case, some, far, least=2).success == 0
+    assert score_set(case, some, far, least=2, stops_um=(-600.0,)).success == 0
+    seen = score_set(case, some, far, least=2, stops_um=(-600.0, 600.0))
+    assert seen.success == 6
+    assert score_set(case, some, near, least=2, stops_um=(600.0,)) == together(
+        some, 2, 6
+    )
+
+
 def test_a_feature_taken_for_another_is_noticed() -> None:
     """One corner is a tenth of a tolerance, some twenty sigmas, from where it was."""
     first, second = members(*CORNERS)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from microplan.featuresel.look.design import random_design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
-from microplan.featuresel.trials.repeatability import repeatability
+from microplan.featuresel.trials.repeatability import from_stops, repeatability
 from microplan.featuresel.trials.score import ChainScore, score_chain
 from microplan.featuresel.trials.trials import prepare, run
 
@@ -34,6 +34,39 @@ def test_it_is_the_score_of_random_trials_alone(look: Look) -> None:
     assert found.of(CHAIN).trials == found.of(SPARE).trials == 12
     with pytest.raises(ValueError, match="not tried"):
         found.of(("ncc",))
+
+
+def test_what_one_stop_does_not_show_is_looked_for_from_the_next(look: Look) -> None:
+    """A height far off: the stop on its side shows it, one on the other side none."""
+    case = look("post")
+    low = replace(case.spread, focus_sigma_um=200.0, light_gain=(1.0, 1.0))
+    case = replace(case, stated=low)
+    ready = prepare(case, [CHAIN])
+    trials = random_design(case, 12, 3)
+
+    def missed(*stops_um: float) -> set[int]:
+        found = repeatability(
+            case, ready, (CHAIN,), count=12, root_seed=3, stops_um=stops_um
+        )
+        assert [o.trial for o in found.outcomes] == list(range(12))
+        return {o.trial for o in found.outcomes if o.failure is not None}
+
+    lost = missed()
+    above = max(lost, key=lambda k: trials[k].dz_um)
+    to_focus_um = -trials[above].dz_um
+    assert to_focus_um < -100.0
+    assert above in missed(-to_focus_um)
+    later = missed(-to_focus_um, to_focus_um)
+    assert above not in later
+    assert later < lost
+
+
+def test_further_stops_are_of_the_same_trial_with_other_noise(look: Look) -> None:
+    trial = random_design(look("post"), 1, 3)[0]
+    first, second = from_stops(trial, (7.0,))
+    assert first == trial
+    assert second == replace(trial, dz_um=trial.dz_um + 7.0, seed=second.seed)
+    assert second.seed != trial.seed
 
 
 def answer(trial: int, x: float, y: float, *, corner: bool) -> Outcome:
