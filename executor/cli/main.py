@@ -252,16 +252,14 @@ def _look_at_pictures(options: RunOptions, plan: Plan, pictures: Path) -> int:
     for path in files:
         own = seer.reading(regions.get(path.name))
         found = find_in(own, path)
-        picture = mark(own, found, folder)
-        if picture is not None:
+        if (picture := mark(own, found, folder)) is not None:
             write_marked(marked, path.name, picture)
         findings.append(replace(found, image=None))
     overall = together(seer, findings, still=options.still)
     report = report_json if options.format == "json" else report_text
     say(report(seer, findings, overall))
     tell(f"marked pictures: {marked}")
-    right = all(f.found for f in findings) and not overall.refuted
-    return DONE if right else FAILED
+    return DONE if all(f.found for f in findings) and not overall.refuted else FAILED
 
 
 def _compare(options: RunOptions, file: PlanFile) -> int:

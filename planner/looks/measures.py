@@ -20,7 +20,7 @@ from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.planner.looks.evaluation import Evaluation, use_of
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.looks.model_errors.model_cost import AcceptedRange
-from microplan.planner.looks.repeated_trials import repeatability_record, undetected
+from microplan.planner.looks.records import repeatability_record, undetected
 from microplan.planner.views.features import offset_um
 from microplan.planner.views.requests import Request
 from microplan.planner.views.targets import TargetShape

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bounds import failure_upper
+from microplan.featuresel.trials.bounds import (
+    NORMAL_KURTOSIS,
+    Estimate,
+    failure_upper,
+    half_width,
+)
 from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
-from microplan.planner.looks.repeated_trials import repeatability_record
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.planner.task.task import Task
 from microplan.planner.views.focus import look_stops
@@ -270,3 +275,46 @@ def _sigma_upper(found: ChainScore) -> float | None:
     axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
     upper = max((axis.sigma_upper for axis in axes), default=math.inf)
     return upper if math.isfinite(upper) else None
+
+
+def undetected(case: LookCase, outcomes: Sequence[Outcome], gates: p.Gates) -> int:
+    """Return how many wrong answers the gates of a measurement accept."""
+    return sum(
+        is_wrong(case, o)
+        and (o.score or 0.0) >= gates.min_score
+        and (o.spread_um or 0.0) <= (gates.max_spread_um or math.inf)
+        for o in outcomes
+    )
+
+
+def repeatability_record(found: ChainScore, undetected: int) -> p.Repeatability:
+    """Return what random trials said of a chain, or of a set, as the plan has it."""
+    axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
+    theta = found.theta
+    return p.Repeatability(
+        trials=found.trials,
+        answered=found.success,
+        undetected=undetected,
+        sigma_um=_on_axes(found, lambda axis: axis.sigma),
+        kurtosis=max((axis.kurtosis for axis in axes), default=NORMAL_KURTOSIS),
+        half_width_um=_on_axes(found, half_width),
+        kurtosis_theta=None if theta is None else theta.kurtosis,
+        bias_theta_rad=None if theta is None else theta.mean,
+        half_width_theta_rad=None if theta is None else half_width(theta),
+    )
+
+
+def _on_axes(
+    found: ChainScore, value: Callable[[Estimate], float]
+) -> tuple[float, float]:
+    """Return a number of each axis of the target's frame, of one direction its parts.
+
+    0 where nothing was answered.
+    """
+    if found.along is not None and found.axis_rad is not None:
+        length = value(found.along)
+        c, s = math.cos(found.axis_rad), math.sin(found.axis_rad)
+        return (length * abs(c), length * abs(s))
+    if found.x is None or found.y is None:
+        return (0.0, 0.0)
+    return (value(found.x), value(found.y))
