@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -128,6 +129,8 @@ class PhotographedScene:
         sampling: RaySampling,
     ) -> None:
         self._view, self._middle = view, middle
+        # no method of its own: a scene is large, and freed when nobody has it any more
+        self._chief = partial(_chief_slopes, view, middle)
         self._stage_um = round(scene.stage_um, HEIGHT_DIGITS)
         self._stage_reflectance = scene.stage_reflectance
         self._sampling = sampling
@@ -260,9 +263,12 @@ class PhotographedScene:
             )  # fmt: skip
         return self._solids[sharp_um]
 
-    def _chief(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return slopes of the middle rays at points from the image's middle."""
-        return chief_slopes(self._view, x + self._middle[0], y + self._middle[1])
+
+def _chief_slopes(
+    view: ImagingView, middle: tuple[float, float], x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return slopes of the middle rays at points from an image's middle."""
+    return chief_slopes(view, x + middle[0], y + middle[1])
 
 
 _RECENT: OrderedDict[object, PhotographedScene] = OrderedDict()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +17,11 @@ from microplan.executor.simulated.imaging.imaging_view import (
     RaySampling,
     TrueLensErrors,
 )
-from microplan.executor.simulated.imaging.photograph import KEPT, photograph
+from microplan.executor.simulated.imaging.photograph import (
+    KEPT,
+    PhotographedScene,
+    photograph,
+)
 from microplan.executor.simulated.imaging.solids.solid_scene import SolidBody
 from microplan.schemas.pose import Pose
 from tests.executor.simulated.imaging.bodies import (
@@ -143,6 +149,30 @@ def test_pictures_do_not_depend_on_those_before() -> None:
     for stage in range(KEPT):  # what was kept of the scene is forgotten
         photograph(scene(stage=0.01 * stage), view(6.9, 0.0), SMALL)
     np.testing.assert_array_equal(taken(102.0), after)
+
+
+def test_a_scene_that_is_not_kept_is_freed_at_once() -> None:
+    """Its arrays, up to a GiB, must not wait for the collector of circles."""
+    made: list[weakref.ref[PhotographedScene]] = []
+
+    class Noted(PhotographedScene):
+        def __init__(self, *arguments: object) -> None:
+            super().__init__(*arguments)  # type: ignore[arg-type]
+            made.append(weakref.ref(self))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "microplan.executor.simulated.imaging.photograph.PhotographedScene", Noted
+        )
+        gc.collect()
+        gc.disable()
+        try:
+            for k in range(KEPT + 2):
+                post = body(POST, 0.0, 10.0 + k, wall=0.5, finish=0.5)
+                photograph(scene(post), view(6.9, 0.0), SMALL)
+        finally:
+            gc.enable()
+    assert [ref() is not None for ref in made] == [False] * 2 + [True] * KEPT
 
 
 def test_a_point_moves_as_the_lens_errs() -> None:
