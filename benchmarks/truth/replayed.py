@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ from microplan.schemas.pose import Pose
 
 PICTURES = 300  # of each look: 600 values, x and y pooled
 NORMAL_95 = 1.96  # sigmas either side
+_AT_ONCE = 8  # pictures that a process is given at a time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +99,8 @@ def replayed_looks(
     task = load_task(str(task_file), Report())
     if task is None:
         raise RuntimeError(f"{task_file} cannot be read")
-    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+    # a pool that a killed process breaks: another kind would wait for it
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for name, trial in trial_cases(task, looks):
             judged = _Judged(
                 seer=viewer(plan, plan_file.parent, artifacts, name),
@@ -107,7 +110,8 @@ def replayed_looks(
                 angle_sigma_rad=angles.get(name),
             )
             promise = promised(looks[name])
-            errors = pool.map(partial(_error_um, judged, promise), range(pictures))
+            work = partial(_error_um, judged, promise)
+            errors = list(pool.map(work, range(pictures), chunksize=_AT_ONCE))
             good = [error for error in errors if error is not None]
             found.append(
                 ReplayedLook(

@@ -170,9 +170,10 @@ def test_a_scene_that_is_not_kept_is_freed_at_once() -> None:
             for k in range(KEPT + 2):
                 post = body(POST, 0.0, 10.0 + k, wall=0.5, finish=0.5)
                 photograph(scene(post), view(6.9, 0.0), SMALL)
+            held = [ref() is not None for ref in made]
         finally:
             gc.enable()
-    assert [ref() is not None for ref in made] == [False] * 2 + [True] * KEPT
+    assert held == [False] * 2 + [True] * KEPT
 
 
 def test_a_point_moves_as_the_lens_errs() -> None:
