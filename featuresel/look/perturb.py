@@ -33,6 +33,9 @@ from microplan.optics.render.view_range import Range
 # of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
+# depths of field out of focus, n wavelength / A^2, beyond which trials have all rays:
+# few rays past walls draw edges there that are none, and chains find those
+_FAR = 3.0
 
 
 def image(
@@ -111,8 +114,14 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
         lens=case.lens if trial.lens is None else trial.lens,
         line=trial.line,
         sensor=noisier(case.sensor, trial.noise),
-        sampling=replace(case.sampling, rays=RAYS),
+        sampling=replace(case.sampling, rays=rays_of(case, trial)),
     )
+
+
+def rays_of(case: LookCase, trial: Trial) -> float:
+    """Return the share of all rays that a trial's image traces."""
+    is_far = abs(trial.dz_um) > _FAR * case.microscope.wave_depth_um
+    return 1.0 if is_far else RAYS
 
 
 def _surfaced(case: LookCase, trial: Trial) -> LookCase:

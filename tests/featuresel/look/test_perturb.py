@@ -192,3 +192,29 @@ def test_a_trial_has_the_walls_and_faces_that_it_drew(look: Look) -> None:
     shown = image(replace(case, surfaces=surfaces), trial)
     np.testing.assert_array_equal(shown, image(stated, bare))
     assert np.abs(shown - image(case, bare)).max() > 0.02
+
+
+def test_far_out_of_focus_an_image_has_all_rays_past_walls(
+    look: Look, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three depths of field off; nearer there are fewer."""
+    found = replace(look("bore"), lamp_aperture=0.3)
+    low_um = min(0.0, found.focus_um - 50.0)
+    static, moving = (
+        tuple(
+            replace(layer, underside_um=low_um, wall_reflectance=0.8)
+            for layer in layers
+        )
+        for layers in (found.static, found.moving)
+    )
+    case = replace(found, static=static, moving=moving)
+    depth_um = case.microscope.wave_depth_um
+    (trial,) = design(case, 1, 5)
+    far, near = (
+        replace(trial, dz_um=-depths * depth_um, noise=1e-6) for depths in (3.1, 2.9)
+    )
+    seen = [image(case, each) for each in (far, near)]
+    monkeypatch.setattr("microplan.featuresel.look.perturb.RAYS", 1.0)
+    whole = [image(case, each) for each in (far, near)]
+    np.testing.assert_array_equal(seen[0], whole[0])
+    assert np.abs(seen[1] - whole[1]).max() > 0
