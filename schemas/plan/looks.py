@@ -19,9 +19,8 @@ class View:
     light: float  # level of the light [1]
     field_um: tuple[float, float]  # width, height
     um_per_px: float  # in object space
-    # whether the region is read about where the target is believed, whole pixels off
-    # the planned place: what a robot has brought there lies off with it. Added after
-    # 2.4; a runtime that passes over it looks at the planned place
+    # whether the region is read about the believed target, whole pixels off the planned
+    # place: what is about it lies off, too. Added after 2.4
     follows: bool = False
 
 
