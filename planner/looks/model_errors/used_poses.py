@@ -66,8 +66,9 @@ def _still(trial: Trial) -> Trial:
     """
     x, y = trial.occluder_um
     return replace(
-        trial, dx_um=trial.dx_um - x, dy_um=trial.dy_um - y, occluder_um=(0.0, 0.0)
-    )
+        trial, dx_um=trial.dx_um - x, dy_um=trial.dy_um - y, occluder_um=(0.0, 0.0),
+        together_um=(0.0, 0.0),
+    )  # fmt: skip
 
 
 def _mirrored(trial: Trial) -> Trial:

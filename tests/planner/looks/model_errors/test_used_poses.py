@@ -45,6 +45,18 @@ def test_more_poses_change_none_of_the_first() -> None:
     assert more[:12] == few
 
 
+def test_all_but_the_target_is_at_its_planned_place_and_so_is_the_start() -> None:
+    case = post_alone()
+    spread = replace(case.spread, together_um=20.0, occluder_sigma_um=3.0)
+    for stated in (None, spread):
+        found = replace(case, spread=spread, stated=stated)
+        for pose in used_poses(found, 1.0, count=8, root_seed=3):
+            assert pose.occluder_um == pose.together_um == (0.0, 0.0)
+            # 4 sigma of each: what all lie off by is in neither
+            sigma_um = math.hypot(case.spread.pose_sigma_xy_um, 3.0)
+            assert math.hypot(pose.dx_um, pose.dy_um) < 4 * math.sqrt(2) * sigma_um
+
+
 def test_a_step_that_says_nothing_takes_two_sigma() -> None:
     case = post_alone()
     first = used_poses(case, None, count=2, root_seed=3)[0]
