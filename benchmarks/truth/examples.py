@@ -19,6 +19,7 @@ from microplan.planner.task.presets import PRESETS, Preset
 # a plan's looks are the same at all: fewer trials choose its chains
 PRESET: Preset = "fast"
 RANDOM_TRIALS = 1024  # that sigma is judged of: it errs by 2 %
+PAIRS = PRESETS["balanced"].pairs  # of images, as by default
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +69,7 @@ def plan_of(example: TruthExample, options: Options) -> Iterator[Path]:
 def long_plan(example: TruthExample, options: Options) -> Iterator[Path]:
     """Give the plan.json of an example with `RANDOM_TRIALS`: given, or compiled now.
 
-    No preset has so many with so few others.
+    And `PAIRS`. No preset has so many with so few others.
     """
     asked = given(options, example.task)
     if asked is not None:
@@ -76,7 +77,7 @@ def long_plan(example: TruthExample, options: Options) -> Iterator[Path]:
         return
     with TemporaryDirectory() as name:
         report, folder = Report(), Path(name) / "example.plan"
-        effort = replace(PRESETS[PRESET], random_trials=RANDOM_TRIALS)
+        effort = replace(PRESETS[PRESET], random_trials=RANDOM_TRIALS, pairs=PAIRS)
         asks = CompileOptions(preset=PRESET, effort=effort, jobs=options.jobs)
         made = compile_file(str(example.file), report, asks, None, lambda _: None)
         if made is None:

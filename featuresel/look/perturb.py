@@ -26,6 +26,7 @@ from microplan.featuresel.look.static_layers import (
 from microplan.featuresel.look.unknown_surfaces import drawn_surfaces, unknown_bodies
 from microplan.optics.lens.sensor import CountArray, Sensor, expose, to_unit
 from microplan.optics.outline.outline import place
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer
 from microplan.optics.render.view_range import Range
 
@@ -33,9 +34,10 @@ from microplan.optics.render.view_range import Range
 # of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
-# depths of field out of focus, n wavelength / A^2, beyond which trials have all rays:
-# few rays past walls draw edges there that are none, and chains find those
-_FAR = 3.0
+# `Sampling.walls` of trials whose focus lies in the target's body, so many depths of
+# field, n wavelength / A^2, below its top: what its walls hide beside it changes within
+# a few um there, and chains find edges where points are too far apart (tested)
+_CLOSE, _BELOW = 2.5, 2.0
 
 
 def image(
@@ -114,14 +116,21 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
         lens=case.lens if trial.lens is None else trial.lens,
         line=trial.line,
         sensor=noisier(case.sensor, trial.noise),
-        sampling=replace(case.sampling, rays=rays_of(case, trial)),
+        sampling=sampling_of(case, trial, RAYS),
     )
 
 
-def rays_of(case: LookCase, trial: Trial) -> float:
-    """Return the share of all rays that a trial's image traces."""
-    is_far = abs(trial.dz_um) > _FAR * case.microscope.wave_depth_um
-    return 1.0 if is_far else RAYS
+def sampling_of(case: LookCase, trial: Trial, rays: float) -> Sampling:
+    """Return how a trial's image is sampled, with a share of all rays."""
+    focus_um = case.focus_um + trial.dz_um
+    below_um = focus_um + _BELOW * case.microscope.wave_depth_um
+    is_within = any(
+        layer.underside_um is not None
+        and layer.underside_um < focus_um
+        and below_um < layer.z_um
+        for layer in case.moving
+    )
+    return replace(case.sampling, rays=rays, walls=_CLOSE if is_within else None)
 
 
 def _surfaced(case: LookCase, trial: Trial) -> LookCase:

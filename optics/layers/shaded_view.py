@@ -80,7 +80,9 @@ class ShadedView:
     model: str
     frame: Window
     shift_um: tuple[float, float]
-    rays: float = 1.0  # as `microplan.optics.render.sampling.Sampling.rays`
+    # as in `microplan.optics.render.sampling.Sampling`
+    rays: float = 1.0
+    walls: float | None = None
 
     def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""

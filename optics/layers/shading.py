@@ -144,6 +144,7 @@ def _image(
         frame=frame,
         shift_um=shift_um,
         rays=sampling.rays,
+        walls=sampling.walls,
     )
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
@@ -157,8 +158,9 @@ def _image(
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
+    few = min(sampling.rays, sampling.rays**2)  # only mirrored rays end out there
     far_light = partial(
-        solid_share, [c.layer for c in everything], lamp=lamp, finer=sampling.rays
+        solid_share, [c.layer for c in everything], lamp=lamp, finer=few
     )
     for change in (
         view.residual(scene, everything, faces),

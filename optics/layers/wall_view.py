@@ -74,10 +74,11 @@ def wall_residual(
     if not is_solid([c.layer for c in covered]):
         return None
     m, finer, layers = view.microscope, view.rays, [c.layer for c in covered]
+    closer = view.walls or finer
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
     walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)
-    lattice = Lattice.over(area, max(walls_um, side / most) / finer)
+    lattice = Lattice.over(area, max(walls_um, side / most) / closer)
     low_um = min(la.z_um if la.underside_um is None else la.underside_um
                  for la in layers)  # fmt: skip
     floor_um = low_um - 1 if (z := scene.background_z_um) is None else z
@@ -106,7 +107,7 @@ def wall_residual(
     image = _laid(view, change, lattice, sharp)
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
-    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / finer)
+    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / closer)
     if far_um == 0 or all(body.wall_reflectance == 0 for _, body in found):
         return image
     wide = {
@@ -117,7 +118,7 @@ def wall_residual(
     mirrors = mirrored_view(*args, close, m, finer=finer)
     image += _laid(view, _diffracted(view, mirrors, close), close, sharp)
     free = math.prod(1 - share for _, share in sharp)
-    below = mirrored_below(*args, lattice, m, finer=finer)
+    below = mirrored_below(*args, lattice, m, finer=math.sqrt(finer))
     return image + free * view.at_pixels(below, lattice)
 
 

@@ -128,11 +128,13 @@ class Sampling:
     # so many times closer than usual are points from which rays past walls are traced;
     # below 1 their rays, and those past several bodies, are as much farther apart, too
     rays: float = 1.0
+    # as `rays`, of the points alone from which walls are seen; None: as that says
+    walls: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("band_error", "margin", "near", "rays"):
+        for name in ("band_error", "margin", "near", "rays", "walls"):
             value = getattr(self, name)
-            if not (value > 0 and math.isfinite(value)):
+            if value is not None and not (value > 0 and math.isfinite(value)):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
 
 

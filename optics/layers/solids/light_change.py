@@ -10,7 +10,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.joint_light import LightChange
 from microplan.optics.layers.lattice import Area, Lattice
-from microplan.optics.layers.solids.mirrored_rays import RayEnd, mirrored
+from microplan.optics.layers.solids.mirrored_rays import RayEnd, first_met, mirrored
 from microplan.optics.layers.solids.solid_bodies import (
     MIRRORED,
     LightTable,
@@ -120,7 +120,8 @@ def _share(
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0
-        sums = mirrored(turned, nothing, sky, ceiling_um, outside)
+        met = first_met(turned, ceiling_um, outside)
+        sums = mirrored(turned, nothing, sky, ceiling_um, outside, met)
         found += sums / few.across.size
     return found.reshape(lattice.shape)
 

@@ -17,6 +17,8 @@ from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.optics.layers.solids.straight_rays import Paths, Rays, ThickBody
 from microplan.optics.layers.solids.unfolded_bodies import unfolded
 
+_ROUNDING_UM = 1e-3  # heights this close are one
+
 
 class RayEnd(Protocol):
     """What a face sends back, or the lamp."""
@@ -41,6 +43,19 @@ class _Lamp:
 
 
 _LAMP = _Lamp()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstMet:
+    """Where rays on their way down meet their first body."""
+
+    z_um: Float32Array  # (points, slopes), -inf where they meet none
+    walls: IntArray  # (points, slopes) whose mirroring wall it is; -1: none is
+
+    def reaches(self, z_um: float) -> BoolArray:
+        """Return which rays nothing stops above a height, (points, slopes)."""
+        reached: BoolArray = self.z_um <= np.float32(z_um + _ROUNDING_UM)
+        return reached
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +85,7 @@ def mirrored(
     floor: RayEnd | None,
     floor_um: float,
     rays: Rays,
+    met: FirstMet,
     *,
     above_um: float = -math.inf,
     below_um: float = math.inf,
@@ -84,8 +100,8 @@ def mirrored(
         What the top of each sends back to a ray; None: nothing.
     floor, floor_um : RayEnd, optional
         What the plane below everything sends back, and its height.
-    rays : Rays
-        Through the points.
+    rays, met : Rays, FirstMet
+        Through the points, and where they meet the bodies.
     above_um, below_um : float
         Between which heights the first wall is met.
 
@@ -96,14 +112,18 @@ def mirrored(
         full scale.
     """
     total = np.zeros(rays.x_um.shape[0])
-    first, whose = _first_met(bodies, max(floor_um, above_um), rays)
-    flight = _started(first, np.where(first <= below_um, whose, -1), rays)
+    between = (met.z_um >= above_um) & (met.z_um <= below_um)
+    flight = _started(met.z_um, np.where(between, met.walls, -1), rays)
     _fly(flight, bodies, lights, floor, floor_um, total)
     return total
 
 
 def raised(
-    bodies: Sequence[ThickBody], face: ThickBody, mirrors: float, rays: Rays
+    bodies: Sequence[ThickBody],
+    face: ThickBody,
+    mirrors: float,
+    rays: Rays,
+    met: FirstMet,
 ) -> FloatArray:
     """Return what a mirror face gives back past walls that mirror, too.
 
@@ -117,8 +137,8 @@ def raised(
         One of them; if it is sharp, all rays meet it that reach its height.
     mirrors : float
         Reflectance of what its top mirrors.
-    rays : Rays
-        Through the points.
+    rays, met : Rays, FirstMet
+        Through the points, and where they meet the bodies.
 
     Returns
     -------
@@ -130,13 +150,12 @@ def raised(
     images = unfolded(bodies, z_um)
     if mirrors == 0 or all(body.wall_reflectance == 0 for body in images):
         return total
-    met, _ = _first_met([b for b in bodies if b.top_um > z_um], z_um, rays)
-    seen = np.isneginf(met)
+    seen = met.reaches(z_um)
     if not face.is_sharp:
         seen &= Paths.of(face, rays).at(z_um) < 0
     ceiling_um = _ceiling_um(images)
-    first, whose = _first_met(images, ceiling_um, rays, seen)
-    flight = _started(first, whose, rays, mirrors)
+    again = first_met(images, ceiling_um, rays, seen)
+    flight = _started(again.z_um, again.walls, rays, mirrors)
     _fly(flight, images, [None] * len(images), _LAMP, ceiling_um, total)
     return total
 
@@ -146,16 +165,15 @@ def _ceiling_um(images: Sequence[ThickBody]) -> float:
     return min(body.under_um for body in images) - 1.0  # a mirror has some above it
 
 
-def _first_met(
+def first_met(
     bodies: Sequence[ThickBody],
     floor_um: float,
     rays: Rays,
     some: BoolArray | None = None,
-) -> tuple[Float32Array, IntArray]:
-    """Return where rays meet their first body, and whose wall it is if that mirrors.
+) -> FirstMet:
+    """Return where rays meet their first body above a height.
 
-    (points, slopes): um, -inf where they meet none; -1 where it is no mirroring wall,
-    or where the ray is none of `some`.
+    Rays that are none of `some` (points, slopes) meet no wall.
     """
     from microplan.optics.layers.solids import ray_loops  # loads a compiler: walls only
 
@@ -167,7 +185,7 @@ def _first_met(
         *ray_loops.packed(bodies), floor_um, rays.x_um, rays.y_um,
         rays.across[0], rays.up[0], first, whose,
     )  # fmt: skip
-    return first, whose
+    return FirstMet(z_um=first, walls=whose)
 
 
 def _started(

@@ -17,7 +17,7 @@ import numpy as np
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.layers.solids.mirrored_rays import mirrored, raised
+from microplan.optics.layers.solids.mirrored_rays import first_met, mirrored, raised
 from microplan.optics.layers.solids.solid_bodies import (
     SentLight,
     SolidFace,
@@ -101,17 +101,22 @@ def mirrored_view(
     count = mirrored_rays(lattice, finer)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     above, below = np.zeros((2, rays.x_um.shape[0]))
+    ends, low_um = _ends(faces, plane, plane_um), _lowest_um(bodies)
+    met = met_beside = first_met(bodies, low_um, rays)
     if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
-        above += mirrored(bodies, *_ends(faces, plane, plane_um), rays, above_um=0.0)
-    beside = rays_outside([body for body in bodies if is_cut(body)], rays)
+        above += mirrored(bodies, *ends, rays, met, above_um=0.0)
+    beside = rays
+    if cut := [body for body in bodies if is_cut(body)]:
+        beside = rays_outside(cut, rays)
+        met_beside = first_met(bodies, low_um, beside)
     sharp = []
     for face in faces:
         body, mirrors = face.body, face.sends.mirrors
         if body.is_sharp:  # for a reflectance of 1
             mirrors = face.sends.finish if mirrors > 0 else 0.0
-            sharp.append(raised(bodies, body, mirrors, beside))
+            sharp.append(raised(bodies, body, mirrors, beside, met_beside))
         elif body.top_um > 0:
-            above += raised(bodies, body, mirrors, rays)
+            above += raised(bodies, body, mirrors, rays, met)
     shaped = [each.reshape(lattice.shape) / count for each in (below, *sharp, above)]
     return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
 
@@ -135,12 +140,19 @@ def mirrored_below(
     count = mirrored_rays(lattice, finer)
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
     outside = rays_outside([body for body in bodies if body.is_sharp], rays)
-    found = mirrored(bodies, *_ends(faces, plane, plane_um), outside, below_um=0.0)
+    met = first_met(bodies, plane_um, outside)
+    ends = _ends(faces, plane, plane_um)
+    found = mirrored(bodies, *ends, outside, met, below_um=0.0)
     for face in faces:
         if not face.body.is_sharp and face.body.top_um <= 0:
-            found += raised(bodies, face.body, face.sends.mirrors, outside)
+            found += raised(bodies, face.body, face.sends.mirrors, outside, met)
     shaped: FloatArray = found.reshape(lattice.shape) / count
     return shaped
+
+
+def _lowest_um(bodies: Sequence[ThickBody]) -> float:
+    """Return the plane in focus, or the lowest of the faces near it."""
+    return min([0.0, *(body.top_um for body in bodies if body.is_sharp)])
 
 
 def _ends(

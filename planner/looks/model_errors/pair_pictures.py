@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import noisier, rays_of, shifted
+from microplan.featuresel.look.perturb import noisier, sampling_of, shifted
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
@@ -140,7 +140,7 @@ def posed_image(
 ) -> FloatArray:
     """Return the noise-free image of a look in a trial, (rows, columns).
 
-    With the case's rays, where a trial has no more.
+    With the case's rays.
     """
     owner = case.target.name.partition(".")[0]
     turns = tuple(zip(case.spread.turning, trial.turns_rad, strict=False))
@@ -151,9 +151,7 @@ def posed_image(
         microscope=case.zoomed(trial.magnification),
         focus_um=case.focus_um + trial.dz_um,
         light=case.lit(trial.gain, trial.gradient_x, trial.gradient_y),
-        sampling=replace(
-            case.sampling, rays=max(case.sampling.rays, rays_of(case, trial))
-        ),
+        sampling=sampling_of(case, trial, case.sampling.rays),
     )
     moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
     if not is_traced:

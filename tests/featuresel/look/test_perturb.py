@@ -10,9 +10,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.perturb import image, noisier, shifted, still, turned
+from microplan.featuresel.look.perturb import (
+    image,
+    noisier,
+    sampling_of,
+    shifted,
+    still,
+    turned,
+)
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation, scene
 from microplan.featuresel.look.unknown_surfaces import (
     UnknownSurface,
@@ -194,27 +202,52 @@ def test_a_trial_has_the_walls_and_faces_that_it_drew(look: Look) -> None:
     assert np.abs(shown - image(case, bare)).max() > 0.02
 
 
-def test_far_out_of_focus_an_image_has_all_rays_past_walls(
-    look: Look, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three depths of field off; nearer there are fewer."""
-    found = replace(look("bore"), lamp_aperture=0.3)
-    low_um = min(0.0, found.focus_um - 50.0)
+def thick(found: LookCase, depth_um: float) -> LookCase:
+    """Return a look with coaxial light whose target's bodies reach so far down."""
     static, moving = (
         tuple(
-            replace(layer, underside_um=low_um, wall_reflectance=0.8)
+            replace(layer, underside_um=layer.z_um - depth_um, wall_reflectance=0.8)
             for layer in layers
         )
         for layers in (found.static, found.moving)
     )
-    case = replace(found, static=static, moving=moving)
-    depth_um = case.microscope.wave_depth_um
+    return replace(found, static=static, moving=moving, lamp_aperture=0.3)
+
+
+def test_in_the_targets_body_points_about_walls_are_close(look: Look) -> None:
+    """Two depths of field below its top, until its underside; else nowhere."""
+    case = thick(look("bore"), 20.0)
     (trial,) = design(case, 1, 5)
-    far, near = (
-        replace(trial, dz_um=-depths * depth_um, noise=1e-6) for depths in (3.1, 2.9)
-    )
-    seen = [image(case, each) for each in (far, near)]
-    monkeypatch.setattr("microplan.featuresel.look.perturb.RAYS", 1.0)
-    whole = [image(case, each) for each in (far, near)]
-    np.testing.assert_array_equal(seen[0], whole[0])
-    assert np.abs(seen[1] - whole[1]).max() > 0
+    top_um = max(layer.z_um for layer in case.moving) - case.focus_um
+    below_um = 2 * case.microscope.wave_depth_um
+    close = {
+        dz_um: sampling_of(case, replace(trial, dz_um=top_um + dz_um), 0.5).walls
+        for dz_um in (12.0, 0.0, -below_um + 0.1, -below_um - 0.1, -19.9, -20.1)
+    }
+    assert [dz_um for dz_um, walls in close.items() if walls] == [
+        -below_um - 0.1, -19.9
+    ]  # fmt: skip
+    flat = replace(case, moving=look("bore").moving)
+    assert sampling_of(flat, replace(trial, dz_um=-10.0), 0.5).walls is None
+
+
+def test_close_points_show_what_walls_in_focus_hide(
+    look: Look, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With few rays as well as all of them from usual points, and better."""
+    case = thick(look("bore"), 20.0)
+    (trial,) = design(case, 1, 5)
+    trial = replace(trial, dz_um=-3 * case.microscope.wave_depth_um, noise=1e-6)
+
+    def seen(rays: float, walls: float) -> FloatArray:
+        monkeypatch.setattr("microplan.featuresel.look.perturb.RAYS", rays)
+        monkeypatch.setattr("microplan.featuresel.look.perturb._CLOSE", walls)
+        return image(case, trial)
+
+    shown, best = image(case, trial), seen(1.0, 5.0)
+    off = [
+        float(np.sqrt(np.mean((each - best) ** 2)))
+        for each in (shown, seen(1.0, 1.0), seen(0.5, 0.5))
+    ]
+    assert off[0] < off[1]
+    assert off[0] < off[2] / 3
