@@ -120,6 +120,11 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     )
 
 
+def as_tried(case: LookCase) -> LookCase:
+    """Return a look with as few rays as its trials have."""
+    return replace(case, sampling=replace(case.sampling, rays=RAYS))
+
+
 def sampling_of(case: LookCase, trial: Trial, rays: float) -> Sampling:
     """Return how a trial's image is sampled, with a share of all rays."""
     focus_um = case.focus_um + trial.dz_um

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.perturb import RAYS
+from microplan.featuresel.look.perturb import as_tried
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.unknown_surfaces import (
     Shares,
@@ -98,8 +98,7 @@ class _Images:
             drawn_surfaces(layers, case.surfaces, shares)
             for layers in (case.static, case.moving)
         )
-        rough = replace(case.sampling, rays=RAYS)
-        image = self.render(replace(case, static=still, moving=moving, sampling=rough))
+        image = self.render(as_tried(replace(case, static=still, moving=moving)))
         for x, y in places_um:
             if (key, (x, y)) not in self.made:
                 self.made[key, (x, y)] = image(dx_um=x, dy_um=y)

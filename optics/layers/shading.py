@@ -158,7 +158,7 @@ def _image(
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
-    few = min(sampling.rays, sampling.rays**2)  # only mirrored rays end out there
+    few = min(sampling.rays, sampling.rays**1.5)  # only mirrored rays end out there
     far_light = partial(
         solid_share, [c.layer for c in everything], lamp=lamp, finer=few
     )

@@ -118,7 +118,7 @@ def wall_residual(
     mirrors = mirrored_view(*args, close, m, finer=finer)
     image += _laid(view, _diffracted(view, mirrors, close), close, sharp)
     free = math.prod(1 - share for _, share in sharp)
-    below = mirrored_below(*args, lattice, m, finer=math.sqrt(finer))
+    below = mirrored_below(*args, lattice, m, finer=finer**0.75)
     return image + free * view.at_pixels(below, lattice)
 
 

@@ -126,7 +126,7 @@ class Sampling:
     # the margin beyond it is made up for by `microplan.optics.render.far_field`
     near: float = NEAR
     # so many times closer than usual are points from which rays past walls are traced;
-    # below 1 their rays, and those past several bodies, are as much farther apart, too
+    # below 1 there are fewer rays of each, and past several bodies, too
     rays: float = 1.0
     # as `rays`, of the points alone from which walls are seen; None: as that says
     walls: float | None = None

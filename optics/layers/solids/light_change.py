@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -116,7 +117,7 @@ def _share(
     if any(body.wall_reflectance > 0 for body in bodies):
         turned = [_turned(body) for body in bodies]
         nothing: list[RayEnd | None] = [None] * len(turned)
-        few, _ = rays_from(lattice, lamp, thinned(MIRRORED, finer))
+        few, _ = rays_from(lattice, lamp, thinned(MIRRORED, math.sqrt(finer)))
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0

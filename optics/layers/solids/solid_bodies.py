@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -19,12 +19,13 @@ from microplan.optics.transfer.microscope import Microscope
 
 # Rays of all points of a lattice, and of one: `benchmarks/truth` measures what they
 # leave.
-_SAMPLES, _FEWEST, _MOST = 96_000, 128, 192
+_SAMPLES, _FEWEST, _MOST = 384_000, 512, 768
 # Width of a ray, of its share's side. What two bodies leave of one ray is taken for
 # the product, whose error rises as its square; narrower ones show that they are few.
 _WIDTH = 0.6
 MIRRORED = 256  # rays of the lamp that are followed past walls
-_FOLLOWED, _SIDES = 600_000, (12, 16)  # in all, and roots of how many of a point
+_FOLLOWED, _SIDES = 2_400_000, (24, 32)  # in all, and roots of how many of a point
+_AT_ONCE = 1 << 20  # rays followed at once: a limit to memory
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
@@ -118,7 +119,7 @@ def rays_from(
     """Return rays through a lattice's points, and their width a um of height.
 
     `all_over`: those of a point lie all over its cell, whose mean they have then.
-    `finer`: below 1, as many times farther apart than usual they are.
+    `finer`: below 1 they are `thinned`.
     """
     (left, top), step = lattice.corner_um, lattice.step_um
     rows, columns = lattice.shape
@@ -143,8 +144,20 @@ def mirrored_rays(lattice: Lattice, finer: float = 1.0) -> int:
 
 
 def thinned(rays: int, finer: float) -> int:
-    """Return how many rays there are where they are farther apart: a square number."""
-    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer), 1) ** 2
+    """Return how many rays of a point there are where points are farther apart.
+
+    A square number, by the fourth power: images of all rays are judges.
+    """
+    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer**2), 1) ** 2
+
+
+def bands(lattice: Lattice, rays: int) -> Iterator[Lattice]:
+    """Yield the rows of a lattice, as many as memory holds with the rays of a point."""
+    w = lattice.window
+    most = max(_AT_ONCE // (rays * w.columns), 1)
+    for first in range(0, w.rows, most):
+        rows = min(most, w.rows - first)
+        yield replace(lattice, window=replace(w, row=w.row + first, rows=rows))
 
 
 @cache

@@ -21,6 +21,7 @@ from microplan.optics.layers.solids.mirrored_rays import first_met, mirrored, ra
 from microplan.optics.layers.solids.solid_bodies import (
     SentLight,
     SolidFace,
+    bands,
     mirrored_rays,
     rays_from,
     rays_outside,
@@ -97,10 +98,31 @@ def mirrored_view(
     as the plane in focus is in focus in a vertical mirror, too: points are closer than
     for what is lost at walls. With it comes what sharp mirror faces send up to walls.
     """
-    bodies = [face.body for face in faces]
     count = mirrored_rays(lattice, finer)
+    parts = [
+        _mirrored_above(faces, plane, plane_um, _cell_rays(band, microscope, count))
+        for band in bands(lattice, count)
+    ]
+    above, *sharp = (
+        np.concatenate(field).reshape(lattice.shape) / count
+        for field in zip(*parts, strict=True)
+    )
+    below = np.zeros(lattice.shape)
+    return JointResidual(above=above, sharp=tuple(sharp), below=below)
+
+
+def _cell_rays(lattice: Lattice, microscope: Microscope, count: int) -> Rays:
+    """Return so many rays of each point of a lattice, all over its cell."""
     rays, _ = rays_from(lattice, microscope, count, all_over=True)
-    above, below = np.zeros((2, rays.x_um.shape[0]))
+    return rays
+
+
+def _mirrored_above(
+    faces: Sequence[SolidFace], plane: SentLight | None, plane_um: float, rays: Rays
+) -> list[FloatArray]:
+    """Return sums of rays, (points,): above the plane in focus, and of sharp faces."""
+    bodies = [face.body for face in faces]
+    above = np.zeros(rays.x_um.shape[0])
     ends, low_um = _ends(faces, plane, plane_um), _lowest_um(bodies)
     met = met_beside = first_met(bodies, low_um, rays)
     if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
@@ -117,8 +139,7 @@ def mirrored_view(
             sharp.append(raised(bodies, body, mirrors, beside, met_beside))
         elif body.top_um > 0:
             above += raised(bodies, body, mirrors, rays, met)
-    shaped = [each.reshape(lattice.shape) / count for each in (below, *sharp, above)]
-    return JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
+    return [above, *sharp]
 
 
 def mirrored_below(
@@ -136,9 +157,20 @@ def mirrored_below(
     as in `solid_view`: all that is seen is out of focus, and smooth as what is lost at
     walls.
     """
-    bodies = [face.body for face in faces]
     count = mirrored_rays(lattice, finer)
-    rays, _ = rays_from(lattice, microscope, count, all_over=True)
+    parts = [
+        _mirrored_below(faces, plane, plane_um, _cell_rays(band, microscope, count))
+        for band in bands(lattice, count)
+    ]
+    found: FloatArray = np.concatenate(parts).reshape(lattice.shape) / count
+    return found
+
+
+def _mirrored_below(
+    faces: Sequence[SolidFace], plane: SentLight | None, plane_um: float, rays: Rays
+) -> FloatArray:
+    """Return sums of rays, (points,), that meet their first wall below focus."""
+    bodies = [face.body for face in faces]
     outside = rays_outside([body for body in bodies if body.is_sharp], rays)
     met = first_met(bodies, plane_um, outside)
     ends = _ends(faces, plane, plane_um)
@@ -146,8 +178,7 @@ def mirrored_below(
     for face in faces:
         if not face.body.is_sharp and face.body.top_um <= 0:
             found += raised(bodies, face.body, face.sends.mirrors, outside, met)
-    shaped: FloatArray = found.reshape(lattice.shape) / count
-    return shaped
+    return found
 
 
 def _lowest_um(bodies: Sequence[ThickBody]) -> float:

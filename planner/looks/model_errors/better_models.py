@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.featuresel.look.perturb import RAYS
+from microplan.featuresel.look.perturb import as_tried
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.coherence.unmodelled import FLAT_BAND, vectorial_otf
 from microplan.optics.render.sampling import Sampling
@@ -191,9 +191,7 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
 
 def _as_tried(case: LookCase) -> LookCase:
     """Return a look whose rays are those of trials, where these draw surfaces."""
-    if not case.surfaces:
-        return case
-    return replace(case, sampling=replace(case.sampling, rays=RAYS))
+    return as_tried(case) if case.surfaces else case
 
 
 def _solid(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import noisier, sampling_of, shifted
+from microplan.featuresel.look.perturb import as_tried, noisier, sampling_of, shifted
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
@@ -71,12 +71,13 @@ def pose_pictures(
 ) -> PosePictures:
     """Return the pictures of all pairs at one pose."""
     sensor = noisier(case.sensor, trial.noise)
-    usual = posed_image(case, trial, case.window)
+    tried = as_tried(case)
+    usual = posed_image(tried, trial, case.window)
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     counts = expose(usual, sensor, noise)
     shown = to_unit(counts[part], sensor.bits)
     crop = case.window.part(*part)
-    known = [(case, usual[part])]
+    known = [(tried, usual[part])]
     better: list[BetterPicture] = []
     for number, model in enumerate(models):
         for end in _ends(model, trial):
