@@ -67,9 +67,9 @@ def plan_of(example: TruthExample, options: Options) -> Iterator[Path]:
 
 @contextmanager
 def long_plan(example: TruthExample, options: Options) -> Iterator[Path]:
-    """Give the plan.json of an example with `RANDOM_TRIALS`: given, or compiled now.
+    """Give the plan.json of an example, given or compiled now, that promises closely.
 
-    And `PAIRS`. No preset has so many with so few others.
+    By `RANDOM_TRIALS` and `PAIRS`: no preset has so many with so few others.
     """
     asked = given(options, example.task)
     if asked is not None:

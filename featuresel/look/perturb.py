@@ -116,18 +116,19 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
         lens=case.lens if trial.lens is None else trial.lens,
         line=trial.line,
         sensor=noisier(case.sensor, trial.noise),
-        sampling=sampling_of(case, trial, RAYS),
+        sampling=sampling_at(case, case.focus_um + trial.dz_um, RAYS),
     )
 
 
 def as_tried(case: LookCase) -> LookCase:
-    """Return a look with as few rays as its trials have."""
-    return replace(case, sampling=replace(case.sampling, rays=RAYS))
+    """Return a look sampled as its trials are, where these draw surfaces."""
+    if not case.surfaces:
+        return case
+    return replace(case, sampling=sampling_at(case, case.focus_um, RAYS))
 
 
-def sampling_of(case: LookCase, trial: Trial, rays: float) -> Sampling:
-    """Return how a trial's image is sampled, with a share of all rays."""
-    focus_um = case.focus_um + trial.dz_um
+def sampling_at(case: LookCase, focus_um: float, rays: float) -> Sampling:
+    """Return how a look's image is sampled at a focus, with a share of all rays."""
     below_um = focus_um + _BELOW * case.microscope.wave_depth_um
     is_within = any(
         layer.underside_um is not None
@@ -135,7 +136,8 @@ def sampling_of(case: LookCase, trial: Trial, rays: float) -> Sampling:
         and below_um < layer.z_um
         for layer in case.moving
     )
-    return replace(case.sampling, rays=rays, walls=_CLOSE if is_within else None)
+    walls = _CLOSE if is_within and rays < 1 else None  # else there are many rays
+    return replace(case.sampling, rays=rays, walls=walls)
 
 
 def _surfaced(case: LookCase, trial: Trial) -> LookCase:

@@ -102,7 +102,7 @@ def joint_residual(
 def _rays(lattice: Lattice, finer: float) -> int:
     """Return how many rays a point gets on a lattice."""
     rows, columns = lattice.shape
-    # fewer than of rays past walls: what they leave of trials' images is less, too
+    # what few of them leave of trials' images is less than rays past walls do
     share = max(math.floor(_SAMPLES * finer**3 / (rows * columns)), 1)
     return int(min(max(1 << (share.bit_length() - 1), _FEWEST), _MOST))
 

@@ -91,6 +91,9 @@ def render_ring(
         model=model,
         frame=frame,
         shift_um=shift_um,
+        # points are as close as edges in focus ask for: rays alone are fewer
+        rays=min(sampling.rays, 1.0) ** 0.5,
+        walls=sampling.walls or 1.0,
     )
     faces = _lit(scene, view, everything, lamp)
     patches = [

@@ -117,6 +117,7 @@ def _share(
     if any(body.wall_reflectance > 0 for body in bodies):
         turned = [_turned(body) for body in bodies]
         nothing: list[RayEnd | None] = [None] * len(turned)
+        # as many as straight ones of trials, not fewer
         few, _ = rays_from(lattice, lamp, thinned(MIRRORED, math.sqrt(finer)))
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)

@@ -49,7 +49,7 @@ _LAMP = _Lamp()
 class FirstMet:
     """Where rays on their way down meet their first body."""
 
-    z_um: Float32Array  # (points, slopes), -inf where they meet none
+    z_um: Float32Array  # (points, slopes), -inf where they meet none, inf if left out
     walls: IntArray  # (points, slopes) whose mirroring wall it is; -1: none is
 
     def reaches(self, z_um: float) -> BoolArray:
@@ -138,7 +138,7 @@ def raised(
     mirrors : float
         Reflectance of what its top mirrors.
     rays, met : Rays, FirstMet
-        Through the points, and where they meet the bodies.
+        Through the points, and where they meet the bodies, as far down as the face.
 
     Returns
     -------

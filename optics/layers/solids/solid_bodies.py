@@ -25,7 +25,8 @@ _SAMPLES, _FEWEST, _MOST = 384_000, 512, 768
 _WIDTH = 0.6
 MIRRORED = 256  # rays of the lamp that are followed past walls
 _FOLLOWED, _SIDES = 2_400_000, (24, 32)  # in all, and roots of how many of a point
-_AT_ONCE = 1 << 20  # rays followed at once: a limit to memory
+_AT_ONCE = 1 << 20  # rays traced at once: a limit to memory
+_LEAST = 3  # root of how many rays of a point are left at least
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
@@ -125,8 +126,7 @@ def rays_from(
     rows, columns = lattice.shape
     x, y = np.meshgrid(left + step * np.arange(columns), top - step * np.arange(rows))
     if count is None:
-        share = max(_SAMPLES // x.size, 1)
-        count = thinned(min(max(share, _FEWEST), _MOST), finer)
+        count = straight_rays(lattice, finer)
     tangents = slopes(microscope, count)
     soft = _WIDTH * math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
     rays = rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents)
@@ -134,6 +134,13 @@ def rays_from(
         across, up = np.float32(step) * _scattered(count)
         rays = replace(rays, x_um=rays.x_um + across, y_um=rays.y_um + up)
     return rays, soft
+
+
+def straight_rays(lattice: Lattice, finer: float = 1.0) -> int:
+    """Return how many rays of each point of a lattice are traced straight."""
+    rows, columns = lattice.shape
+    share = _SAMPLES // (rows * columns)
+    return thinned(min(max(share, _FEWEST), _MOST), finer)
 
 
 def mirrored_rays(lattice: Lattice, finer: float = 1.0) -> int:
@@ -144,11 +151,11 @@ def mirrored_rays(lattice: Lattice, finer: float = 1.0) -> int:
 
 
 def thinned(rays: int, finer: float) -> int:
-    """Return how many rays of a point there are where points are farther apart.
+    """Return how many rays of a point are left where they are not all traced.
 
-    A square number, by the fourth power: images of all rays are judges.
+    A square number, as the fourth power: images of all rays are judges, and dear.
     """
-    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer**2), 1) ** 2
+    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer**2), _LEAST) ** 2
 
 
 def bands(lattice: Lattice, rays: int) -> Iterator[Lattice]:

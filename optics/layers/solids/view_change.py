@@ -25,6 +25,7 @@ from microplan.optics.layers.solids.solid_bodies import (
     mirrored_rays,
     rays_from,
     rays_outside,
+    straight_rays,
 )
 from microplan.optics.layers.solids.straight_rays import (
     Rays,
@@ -64,7 +65,24 @@ def solid_view(
     finer : float
         As in `solid_bodies.rays_from`.
     """
-    rays, soft = rays_from(lattice, microscope, finer=finer)
+    count = straight_rays(lattice, finer)
+    parts = [
+        _solid_and_flat(faces, plane, plane_um, *rays_from(band, microscope, count))
+        for band in bands(lattice, count)
+    ]
+    solid, flat = (_joined(each, lattice) for each in zip(*parts, strict=True))
+    below, *sharp, above = (one - other for one, other in zip(solid, flat, strict=True))
+    return JointResidual(above=above, sharp=tuple(sharp), below=below), solid[0]
+
+
+def _solid_and_flat(
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    rays: Rays,
+    soft: float,
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Return the fields that rays see, (points,) each: of solid bodies, of faces."""
     solid, flat = (
         _straight(faces, plane, plane_um, rays, soft, walls=walls)
         for walls in (True, False)
@@ -72,10 +90,7 @@ def solid_view(
     if through := [face.body for face in faces if is_cut(face.body)]:
         beside = rays_outside(through, rays)
         solid[:-1] = _straight(faces, plane, plane_um, beside, soft, walls=True)[:-1]
-    below, *sharp, above = (one - other for one, other in zip(solid, flat, strict=True))
-    shaped = [each.reshape(lattice.shape) for each in (below, *sharp, above)]
-    change = JointResidual(above=shaped[-1], sharp=tuple(shaped[1:-1]), below=shaped[0])
-    return change, solid[0].reshape(lattice.shape)
+    return solid, flat
 
 
 def is_cut(body: ThickBody) -> bool:
@@ -103,12 +118,19 @@ def mirrored_view(
         _mirrored_above(faces, plane, plane_um, _cell_rays(band, microscope, count))
         for band in bands(lattice, count)
     ]
-    above, *sharp = (
-        np.concatenate(field).reshape(lattice.shape) / count
-        for field in zip(*parts, strict=True)
-    )
+    above, *sharp = (field / count for field in _joined(parts, lattice))
     below = np.zeros(lattice.shape)
     return JointResidual(above=above, sharp=tuple(sharp), below=below)
+
+
+def _joined(
+    parts: Sequence[Sequence[FloatArray]], lattice: Lattice
+) -> list[FloatArray]:
+    """Return fields, (rows, columns) each, of bands of a lattice."""
+    return [
+        np.concatenate(field).reshape(lattice.shape)
+        for field in zip(*parts, strict=True)
+    ]
 
 
 def _cell_rays(lattice: Lattice, microscope: Microscope, count: int) -> Rays:
@@ -122,23 +144,26 @@ def _mirrored_above(
 ) -> list[FloatArray]:
     """Return sums of rays, (points,): above the plane in focus, and of sharp faces."""
     bodies = [face.body for face in faces]
+    low_um = min([0.0, *(body.top_um for body in bodies if body.is_sharp)])
     above = np.zeros(rays.x_um.shape[0])
-    ends, low_um = _ends(faces, plane, plane_um), _lowest_um(bodies)
-    met = met_beside = first_met(bodies, low_um, rays)
-    if any(body.wall_reflectance > 0 and body.top_um > 0 for body in bodies):
-        above += mirrored(bodies, *ends, rays, met, above_um=0.0)
-    beside = rays
-    if cut := [body for body in bodies if is_cut(body)]:
-        beside = rays_outside(cut, rays)
-        met_beside = first_met(bodies, low_um, beside)
-    sharp = []
+    near = [face for face in faces if face.body.is_sharp]
+    if all(b.top_um <= low_um or b.wall_reflectance == 0 for b in bodies):
+        return [above, *(np.zeros_like(above) for _ in near)]
+    met = first_met(bodies, low_um, rays)
+    ends = _ends(faces, plane, plane_um)
+    above += mirrored(bodies, *ends, rays, met, above_um=max(plane_um, 0.0))
     for face in faces:
-        body, mirrors = face.body, face.sends.mirrors
-        if body.is_sharp:  # for a reflectance of 1
-            mirrors = face.sends.finish if mirrors > 0 else 0.0
-            sharp.append(raised(bodies, body, mirrors, beside, met_beside))
-        elif body.top_um > 0:
-            above += raised(bodies, body, mirrors, rays, met)
+        if not face.body.is_sharp and face.body.top_um > 0:
+            above += raised(bodies, face.body, face.sends.mirrors, rays, met)
+    if cut := [body for body in bodies if is_cut(body)]:
+        rays = rays_outside(cut, rays)
+        met = first_met(bodies, low_um, rays)
+    # for a reflectance of 1
+    mirrors = [face.sends.finish if face.sends.mirrors > 0 else 0.0 for face in near]
+    sharp = [
+        raised(bodies, face.body, each, rays, met)
+        for face, each in zip(near, mirrors, strict=True)
+    ]
     return [above, *sharp]
 
 
@@ -159,11 +184,11 @@ def mirrored_below(
     """
     count = mirrored_rays(lattice, finer)
     parts = [
-        _mirrored_below(faces, plane, plane_um, _cell_rays(band, microscope, count))
+        [_mirrored_below(faces, plane, plane_um, _cell_rays(band, microscope, count))]
         for band in bands(lattice, count)
     ]
-    found: FloatArray = np.concatenate(parts).reshape(lattice.shape) / count
-    return found
+    (found,) = _joined(parts, lattice)
+    return found / count
 
 
 def _mirrored_below(
@@ -179,11 +204,6 @@ def _mirrored_below(
         if not face.body.is_sharp and face.body.top_um <= 0:
             found += raised(bodies, face.body, face.sends.mirrors, outside, met)
     return found
-
-
-def _lowest_um(bodies: Sequence[ThickBody]) -> float:
-    """Return the plane in focus, or the lowest of the faces near it."""
-    return min([0.0, *(body.top_um for body in bodies if body.is_sharp)])
 
 
 def _ends(

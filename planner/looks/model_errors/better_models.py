@@ -49,7 +49,7 @@ class BetterModel:
     alternates: bool = False
     # whether trials draw what lies between the ends, so that it is in their errors
     is_drawn: bool = False
-    against: LookCase | None = None  # what it is better than; None: the look itself
+    against: LookCase | None = None  # what it is better than; None: the look as tried
 
 
 def better_models(
@@ -166,7 +166,7 @@ def _coloured(case: LookCase) -> BetterModel:
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with solid bodies, walls at both ends of what they reflect."""
-    made, tried = by_layer(bodies), _as_tried(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(WALLS,),
         by="solid bodies, their walls as dark and as bright as they may be",
@@ -179,7 +179,7 @@ def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
 
 def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with faces as dull and as much of mirrors as they may be."""
-    made, tried = by_layer(bodies), _as_tried(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(FINISH,),
         by="faces that are dull, and that are mirrors",
@@ -187,11 +187,6 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         against=tried,
         is_drawn=bool(case.surfaces),
     )
-
-
-def _as_tried(case: LookCase) -> LookCase:
-    """Return a look whose rays are those of trials, where these draw surfaces."""
-    return as_tried(case) if case.surfaces else case
 
 
 def _solid(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import as_tried, noisier, sampling_of, shifted
+from microplan.featuresel.look.perturb import as_tried, noisier, sampling_at, shifted
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
@@ -145,14 +145,15 @@ def posed_image(
     """
     owner = case.target.name.partition(".")[0]
     turns = tuple(zip(case.spread.turning, trial.turns_rad, strict=False))
+    focus_um = case.focus_um + trial.dz_um
     seen = replace(
         case,
         window=window,
         static=shifted(case.static, owner, trial.occluder_um, turns),
         microscope=case.zoomed(trial.magnification),
-        focus_um=case.focus_um + trial.dz_um,
+        focus_um=focus_um,
         light=case.lit(trial.gain, trial.gradient_x, trial.gradient_y),
-        sampling=sampling_of(case, trial, case.sampling.rays),
+        sampling=sampling_at(case, focus_um, case.sampling.rays),
     )
     moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
     if not is_traced:

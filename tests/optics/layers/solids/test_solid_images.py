@@ -287,6 +287,26 @@ def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     assert 0 < off < missed / 3
 
 
-def test_no_points_are_no_sampling() -> None:
-    with pytest.raises(ValueError, match="rays"):
-        Sampling(rays=0.0)
+def few_rays(scene: Scene, focus_um: float) -> FloatArray:
+    """Return the region as trials have it."""
+    return render_coaxial(
+        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
+        sampling=Sampling(rays=0.5),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("focus_um", [100.0, 60.0])
+def test_rays_are_the_same_however_many_are_traced_at_once(
+    focus_um: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = seated(0.6, 0.5)
+    whole = few_rays(scene, focus_um)
+    monkeypatch.setattr("microplan.optics.layers.solids.solid_bodies._AT_ONCE", 1 << 14)
+    np.testing.assert_array_equal(few_rays(scene, focus_um), whole)
+
+
+@pytest.mark.parametrize("name", ["rays", "walls"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_no_points_are_no_sampling(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=name):
+        Sampling(**{name: value})
