@@ -53,7 +53,7 @@ class FirstMet:
     walls: IntArray  # (points, slopes) whose mirroring wall it is; -1: none is
 
     def reaches(self, z_um: float) -> BoolArray:
-        """Return which rays nothing stops above a height, (points, slopes)."""
+        """Return which of (N, M) rays nothing stops above a height, um."""
         reached: BoolArray = self.z_um <= np.float32(z_um + _ROUNDING_UM)
         return reached
 
@@ -171,9 +171,9 @@ def first_met(
     rays: Rays,
     some: BoolArray | None = None,
 ) -> FirstMet:
-    """Return where rays meet their first body above a height.
+    """Return where rays meet their first body above a height, um.
 
-    Rays that are none of `some` (points, slopes) meet no wall.
+    Rays of N points and M slopes that are none of `some`, (N, M), meet no wall.
     """
     from microplan.optics.layers.solids import ray_loops  # loads a compiler: walls only
 
