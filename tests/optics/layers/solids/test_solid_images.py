@@ -162,7 +162,10 @@ def test_an_edge_in_focus_is_as_sharp_and_where_it_is_in_a_mirror() -> None:
     np.testing.assert_allclose(found[1], found[0], atol=0.1)  # of 64 rays
 
 
-@pytest.mark.parametrize(("wall", "finish"), [(0.0, 0.0), (0.7, 0.0), (1.0, 1.0)])
+@pytest.mark.parametrize(
+    ("wall", "finish"),
+    [(0.0, 0.0), (0.7, 0.0), pytest.param(1.0, 1.0, marks=pytest.mark.slow)],
+)
 def test_the_error_that_is_predicted_of_walls_holds(wall: float, finish: float) -> None:
     scene = seated(wall, finish)
     found = wall_error(scene, OPTICS, focus_um=100.0, lamp_aperture=LAMP, window=WINDOW)
