@@ -274,6 +274,14 @@ def test_a_mirror_below_bodies_one_on_another_is_not_too_bright() -> None:
     assert abs(np.mean(apart)) < 2 * 0.0065 / np.sqrt(len(at)) + 0.003
 
 
+def few_rays(scene: Scene, focus_um: float) -> FloatArray:
+    """Return the region as trials have it."""
+    return render_coaxial(
+        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
+        sampling=Sampling(rays=0.5),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("focus_um", [100.0, 250.0])
 def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     focus_um: float,
@@ -281,21 +289,10 @@ def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     """As trials have them: by less than a third of what leaving walls out costs."""
     scene = seated(0.6, 0.5)
     whole = image(scene, focus_um)
-    few = render_coaxial(
-        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
-        sampling=Sampling(rays=0.5),
-    )  # fmt: skip
+    few = few_rays(scene, focus_um)
     without = image(seated(0.0, 0.0, flat=True), focus_um)
     off, missed = (np.sqrt(np.mean((each - whole) ** 2)) for each in (few, without))
     assert 0 < off < missed / 3
-
-
-def few_rays(scene: Scene, focus_um: float) -> FloatArray:
-    """Return the region as trials have it."""
-    return render_coaxial(
-        scene, OPTICS, focus_um=focus_um, lamp_aperture=LAMP, window=WINDOW,
-        sampling=Sampling(rays=0.5),
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("focus_um", [100.0, 60.0])
