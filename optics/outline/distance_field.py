@@ -29,6 +29,13 @@ _EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grid
 Key = tuple[tuple[float, ...], ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Distances at the points of one grid; two are equal if they are one object."""
+
+    values: Float32Array  # (rows, columns), y upwards
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistanceField:
     """Distances from an outline's edges, um, negative inside."""
@@ -36,7 +43,12 @@ class DistanceField:
     turn: tuple[float, float]  # cosine and sine of the outline's frame in the world
     origin_um: tuple[float, float]  # of that frame, in the world
     corner_um: tuple[float, float]  # of the grid's first point, in that frame
-    values: Float32Array  # (rows, columns), y upwards
+    grid: Grid
+
+    @property
+    def values(self) -> Float32Array:
+        """Return the grid's distances, (rows, columns) um, y upwards."""
+        return self.grid.values
 
     def at(self, x: Float32Array, y: Float32Array) -> Float32Array:
         """Return distances at the grid's points nearest to world points, (...) um."""
@@ -134,9 +146,8 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     box = _wanted(_edges(own), (u - half, v - half, u + half, v + half))
     if box is None:
         return None
-    values = _kept(own, box)
     return DistanceField(
-        turn=(c, s), origin_um=(x0, y0), corner_um=box[:2], values=values
+        turn=(c, s), origin_um=(x0, y0), corner_um=box[:2], grid=_kept(own, box)
     )
 
 
@@ -178,8 +189,8 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
 
 
 @lru_cache(maxsize=32)
-def _kept(key: Key, box: Box) -> Float32Array:
-    """Return the grid's values, from the rounded edges alone."""
+def _kept(key: Key, box: Box) -> Grid:
+    """Return the grid, from the rounded edges alone."""
     edges = _edges(key)
     columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
     rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
@@ -189,7 +200,7 @@ def _kept(key: Key, box: Box) -> Float32Array:
     inside = _inside(edges, box, rows, columns)
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return values
+    return Grid(values)
 
 
 def _distances(

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from microplan.arrays import Float32Array
+from microplan.arrays import BoolArray, Float32Array
 from microplan.compiled import compiled
+
+CLEAR = 1.0  # widths: a ray that far off is not hidden at all
 
 
 @compiled
@@ -20,6 +22,7 @@ def least_distances(
     heights_um: Float32Array,
     widths_um: Float32Array,
     is_sharp: bool,  # noqa: FBT001 - compiled functions have no keywords
+    clear: BoolArray,
     least: Float32Array,
 ) -> None:
     """Find the least distance of rays from an outline, over the ray's width there.
@@ -40,6 +43,8 @@ def least_distances(
     is_sharp : bool
         Whether what rays leave before they approach it does not count: the last
         distance does then.
+    clear : (points,) bool array
+        Whether no ray of a point comes near the outline: `CLEAR` is told of them.
     least : (points, slopes) float32 array, out
         In widths.
     """
@@ -47,6 +52,9 @@ def least_distances(
     last = heights_um.size - 1
     widest = max(widths_um[0], widths_um[last])
     for p in range(least.shape[0]):
+        if clear[p]:
+            least[p] = CLEAR
+            continue
         for r in range(least.shape[1]):
             ray = u[p, r % starts], v[p, r % starts], du[0, r], dv[0, r]
             before = _nearest(distances, ray, heights_um[0])

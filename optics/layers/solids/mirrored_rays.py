@@ -62,15 +62,15 @@ class FirstMet:
 class _Flight:
     """Mirrored rays on their way down."""
 
-    rays: FloatArray  # (7, N), x, y, z and so on, as `ray_loops.fly` has them, um
+    rays: FloatArray  # (N, 7), x, y, z and so on, as `ray_loops.fly` has them, um
     walls: IntArray  # (N,) body at whose wall each starts; -1: at none
     bounces: IntArray  # (N,)
     points: IntArray  # (N,) that each belongs to
 
     def risen(self, few: IntArray, mirrors: float) -> _Flight:
         """Return some of the rays after a mirror."""
-        rays = self.rays.take(few, axis=1)
-        rays[6] *= mirrors
+        rays = self.rays[few]
+        rays[:, 6] *= mirrors
         return _Flight(
             rays=rays,
             walls=np.full(few.shape, -1),
@@ -199,7 +199,7 @@ def _started(
     places = rays.x_um[start] + z * across, rays.y_um[start] + z * up
     down = -across / slope, -up / slope  # heights fall
     return _Flight(
-        rays=np.stack([*places, z, *down, slope, np.full(z.shape, weight)]),
+        rays=np.stack([*places, z, *down, slope, np.full(z.shape, weight)], axis=1),
         walls=whose[point, ray],
         bounces=np.zeros(z.shape, dtype=np.intp),
         points=point,
@@ -226,7 +226,7 @@ def _fly(
         few = np.flatnonzero(ends == end)
         if light is None or not few.size:
             continue
-        x, y, weight = flight.rays[:, few][[0, 1, 6]]
+        x, y, weight = flight.rays[few].T[[0, 1, 6]]
         seen = weight * light(x.astype(np.float32), y.astype(np.float32))
         total += np.bincount(flight.points[few], seen, total.size)
         if end < len(bodies) and light.mirrors > 0:

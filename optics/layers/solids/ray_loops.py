@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray, IntArray
 from microplan.compiled import compiled
 from microplan.optics.layers.solids.straight_rays import ThickBody
-from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM
+from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, Grid
 
 LOST = -1  # rays that end nowhere: in black walls, or faint
 _TOUCH_UM = 0.1  # a ray this close to a wall meets it
@@ -22,7 +23,11 @@ _WALL_UM = 1.0  # the same until the first wall, which is met between two steps
 _STEPS = 300  # of a mirrored ray
 _BOUNCES = 30  # on walls; what is left then is lost, as is less than
 _FAINT = 0.005  # of the light
+# as far off a body, or inside, as all rays of a point are said to pass it, or to end
+# on its top, this is more than distances err by
+_SURE_UM = 1.0
 _PASSED_UM = 1e-3  # heights this close are one
+_NEXT = np.uintp(1)
 _RIM = 1.001  # steps from the end of a grid: four points lie about each place
 # columns of what is known of each body
 _FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS, _STEP, _FAR = range(
@@ -49,8 +54,15 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
             body.top_um, body.under_um, body.wall_reflectance, STEP_UM, BEYOND_UM,
         )  # fmt: skip
         first += field.values.size
-    grids = [body.distance.values.ravel() for body in bodies]
-    return np.concatenate(grids or [np.zeros(0, dtype=np.float32)]), numbers
+    return _joined(tuple(body.distance.grid for body in bodies)), numbers
+
+
+@lru_cache(maxsize=8)
+def _joined(grids: tuple[Grid, ...]) -> Float32Array:
+    """Return the distances of grids one after the other, (N,) um: bodies only move."""
+    return np.concatenate(
+        [np.zeros(0, dtype=np.float32), *(grid.values.ravel() for grid in grids)]
+    )
 
 
 @compiled
@@ -67,9 +79,10 @@ def _between(
     column, row = int(u), int(v)
     u -= column
     v -= row
-    at = first + row * columns + column
-    low = grids[at] * (1 - u) + grids[at + 1] * u
-    high = grids[at + columns] * (1 - u) + grids[at + columns + 1] * u
+    at = np.uintp(first + row * columns + column)  # no test of its sign
+    below = at + np.uintp(columns)
+    low = grids[at] * (1 - u) + grids[at + _NEXT] * u
+    high = grids[below] * (1 - u) + grids[below + _NEXT] * u
     return float(low * (1 - v) + high * v)
 
 
@@ -129,26 +142,58 @@ def first_met(
     """
     first[:] = np.where(first == np.inf, np.inf, -np.inf)
     whose[:] = -1
-    starts = x_um.shape[1]
+    steepest = np.sqrt(np.max(across**2 + up**2))
     for p in range(first.shape[0]):
+        x, y = x_um[p, 0], y_um[p, 0]
+        wide = np.sqrt(np.max((x_um[p] - x) ** 2 + (y_um[p] - y) ** 2)) + _SURE_UM
         # the highest body is the last as a rule: what it stops meets no other
         for k in range(bodies.shape[0] - 1, -1, -1):
-            c, s, top = bodies[k, _C], bodies[k, _S], bodies[k, _TOP]
-            for r in range(first.shape[1]):
-                best = first[p, r]
-                if top <= best:
-                    continue
-                x, y = x_um[p, r % starts], y_um[p, r % starts]
-                dx, dy = across[r], up[r]
-                ray = (
-                    c * x + s * y + bodies[k, _U], c * y - s * x + bodies[k, _V],
-                    c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy),
-                )  # fmt: skip
-                low = max(bodies[k, _UNDER], floor_um, best)
-                met = _top_or_wall(grids, bodies[k], low, ray)
-                if met > best:
-                    wall = met < top and bodies[k, _REFLECTS] > 0
-                    first[p, r], whose[p, r] = met, k if wall else -1
+            top, low = bodies[k, _TOP], max(bodies[k, _UNDER], floor_um)
+            d = _distance(grids, bodies, k, x, y)
+            if d >= max(abs(top), abs(low)) * steepest + wide:
+                continue  # no ray meets it
+            if -d >= abs(top) * steepest + wide:
+                _end_on_top(top, first[p], whose[p])
+                continue
+            rays = x_um[p], y_um[p], across, up
+            _meet_body(grids, bodies[k], k, low, rays, first[p], whose[p])
+
+
+@compiled
+def _end_on_top(top_um: float, first: Float32Array, whose: IntArray) -> None:
+    """End all rays of a point on a body's top that no higher one stops, in place."""
+    for r in range(first.size):
+        if top_um > first[r]:
+            first[r], whose[r] = top_um, -1
+
+
+@compiled
+def _meet_body(
+    grids: Float32Array,
+    body: FloatArray,
+    k: int,
+    low_um: float,
+    rays: tuple[Float32Array, Float32Array, Float32Array, Float32Array],
+    first: Float32Array,
+    whose: IntArray,
+) -> None:
+    """End rays of a point at a body that they meet above a height, in place."""
+    x_um, y_um, across, up = rays
+    c, s, top = body[_C], body[_S], body[_TOP]
+    for r in range(first.size):
+        best = first[r]
+        if top <= best:
+            continue
+        x, y = x_um[r % x_um.size], y_um[r % x_um.size]
+        dx, dy = across[r], up[r]
+        ray = (
+            c * x + s * y + body[_U], c * y - s * x + body[_V],
+            c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy),
+        )  # fmt: skip
+        met = _top_or_wall(grids, body, max(low_um, best), ray)
+        if met > best:
+            wall = met < top and body[_REFLECTS] > 0
+            first[r], whose[r] = met, k if wall else -1
 
 
 @compiled
@@ -201,7 +246,7 @@ def fly(
         As `packed`.
     floor_um : float
         Height of the plane below everything.
-    flight : (7, N) float64 array, in and out
+    flight : (N, 7) float64 array, in and out
         x, y, z, um; the unit vector sideways, x and y; sideways a um of height; weight.
     walls : (N,) int array
         Body at whose wall a ray starts; -1: at none.
@@ -212,7 +257,7 @@ def fly(
     """
     off = np.empty(bodies.shape[0])
     for n in range(ends.size):
-        ray = flight[:, n].copy()
+        ray = flight[n]
         if walls[n] >= 0:
             bounces[n] += _mirror(grids, bodies, walls[n], ray)
         for k in range(off.size):
@@ -230,7 +275,6 @@ def fly(
             if end != LOST:
                 break
         ends[n] = end
-        flight[:, n] = ray
 
 
 @compiled

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.outline.distance_field import DistanceField
 
 _APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
 _MOST = 40  # such points
 _LEAST_UM = 1.0  # width of a ray where it starts
+_SURE_UM = 1.0  # more than distances err by
 _FIRST, _LAST = np.float32(0.0), np.float32(1.0)
 
 
@@ -105,9 +106,21 @@ def hides(
     least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
     hiding_loop.least_distances(
         paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), ways,
-        heights, widths, body.is_sharp, least,
+        heights, widths, body.is_sharp, _pass(paths, rays, heights, widths), least,
     )  # fmt: skip
     return _share(least)
+
+
+def _pass(
+    paths: Paths, rays: Rays, heights_um: Float32Array, widths_um: Float32Array
+) -> BoolArray:
+    """Return of which points no ray comes near a body at any height, (points,)."""
+    apart = np.hypot(rays.x_um - rays.x_um[:, :1], rays.y_um - rays.y_um[:, :1])
+    steepest = np.hypot(rays.across, rays.up).max()
+    reach_um = np.abs(heights_um).max() * steepest + widths_um.max() + _SURE_UM
+    away_um = paths.field.read(paths.u[:, 0], paths.v[:, 0])
+    found: BoolArray = away_um >= reach_um + apart.max(axis=1)
+    return found
 
 
 def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:
