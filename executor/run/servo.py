@@ -70,7 +70,8 @@ def align(
             return ended
         _check(errors_um, turn_rad, control, action)
         servo = control.method == "servo"
-        rig.move(correction(rig, action, control, control.gain if servo else 1.0))
+        gain, still_rad = control.gain if servo else 1.0, control.tolerance_theta_rad
+        rig.move(correction(rig, action, control, gain, still_rad or 0.0))
         if not servo:
             return ended
         warm_start = _warm_start(seen, look, control)
@@ -134,18 +135,25 @@ def approach(rig: Rig, action: AlignAction, control: Control) -> None:
 
 
 def correction(
-    rig: Rig, action: AlignAction, control: Control, gain: float
+    rig: Rig,
+    action: AlignAction,
+    control: Control,
+    gain: float,
+    still_rad: float = 0.0,
 ) -> AxisMove:
     """Return the readings that take the target `gain` times the distance to its goal.
 
-    A rotation about the axis is compensated in x and y by the same move.
+    A rotation about the axis is compensated in x and y by the same move. An angle
+    within `still_rad` of its goal is left: a rotation lands with a new error, which
+    moves the target by the lever times that.
     """
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
     goal = rig.beliefs.world(action.to, readings)
     turn_rad = 0.0
     if control.tolerance_theta_rad is not None:
-        turn_rad = gain * math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
+        turn_rad = math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
+        turn_rad *= gain if abs(turn_rad) > still_rad else 0.0
     wanted = (
         here.x_um + gain * (goal.x_um - here.x_um),
         here.y_um + gain * (goal.y_um - here.y_um),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from microplan.planner.assembly.assembly import (
     Carrier,
@@ -15,10 +16,11 @@ from microplan.planner.assembly.assembly import (
 )
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.insertion import LateralResidual
+from microplan.planner.budget.insertion import AngleLeft, LateralResidual
+from microplan.planner.budget.probability.angle_budget import AngleCorrection
 from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
-from microplan.planner.views.alignments import gain_of, moved_by
+from microplan.planner.views.alignments import gain_of, moved_by, settled_theta_rad
 from microplan.schemas.plan.verdicts import MethodName
 
 
@@ -28,13 +30,13 @@ def residual_after(
     method: MethodName,
     within_um: float,
     before: PastMeasurement | None,
-    turned: float = 1.0,
 ) -> LateralResidual:
     """Return the lateral residual of an alignment.
 
-    A servo may end at its first look: then the error is that of the approach, by the
-    look before, cut off at the tolerance. Every later look follows a correction,
-    e+ = (1 - g) e + the axes' own.
+    It may end at its first look: then the error is that of the approach, by the look
+    before, cut off at the tolerance. Every later look of a servo follows a correction,
+    e+ = (1 - g) e + the axes' own. A correction turns where the angle is outside its
+    tolerance, and swings the target about the axes then.
 
     Parameters
     ----------
@@ -47,28 +49,93 @@ def residual_after(
     before : PastMeasurement or None
         The look that its approach goes by; None: the target's position as the task has
         it.
-    turned : float
-        Chance that the angle is within its tolerance at the first look.
     """
-    carrier = moved_by(task, align)
-    if method == "look_then_move":
-        return LateralResidual(
-            residual=single_residual(task, carrier),
-            term=f"{carrier} repeatability left by two moves",
-            source="workcell repeatability_xy_um, nothing cut off",
-        )
+    carrier, angle = moved_by(task, align), angle_correction(task, align, before)
     known_um, start_um = approach_um(task, align, before)
     first = Residual(sigma_um=start_um, within_um=within_um)
-    settled = residual_of(task, within_um, carrier)
-    later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
-    share = first.inside * turned
-    return LateralResidual(
-        residual=Residual(sigma_um=later_um, within_um=within_um),
-        early=(share, first),
-        term=f"{carrier} place left by the servo",
-        source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
-        f"{share:.3g} the first look ends it, by the look before ({known_um:.3g} um)",
+    turns = 0.0 if angle is None else angle.turns
+    share, swung_um = first.inside * (1 - turns), swing_um(task, align)
+    if method == "look_then_move":  # it turns at all angles
+        later = _swung(single_residual(task, carrier), swung_um)
+        turned = None
+        term = f"{carrier} repeatability left by two moves"
+        source = "workcell repeatability_xy_um, nothing cut off"
+    else:
+        settled = residual_of(task, within_um, carrier)
+        later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
+        later = Residual(sigma_um=later_um, within_um=within_um)
+        turned = (turns, _swung(later, swung_um))
+        term = f"{carrier} place left by the servo"
+        source = f"workcell repeatability_xy_um, cut off at {within_um:.3g} um"
+    source += (
+        f"; with {share:.3g} the first look ends it, by the look before "
+        f"({known_um:.3g} um)"
     )
+    if swung_um > 0:
+        source += f"; what turns lands within {swung_um:.3g} um, one sigma"
+    return LateralResidual(
+        residual=later,
+        early=(share, first),
+        turned=turned,
+        term=term,
+        source=source,
+        angles=None if angle is None else _angles_left(task, align, method, angle),
+    )
+
+
+def _swung(left: Residual, swung_um: float) -> Residual:
+    """Return what is left where a correction turns the target, too."""
+    return replace(left, sigma_um=math.hypot(left.sigma_um, swung_um))
+
+
+def _angles_left(
+    task: Task, align: StepState, method: MethodName, angle: AngleCorrection
+) -> tuple[AngleLeft, AngleLeft]:
+    """Return the angles that alignments leave that end at their first look, and others.
+
+    A servo leaves an angle that is within its tolerance, as the approach or a
+    correction had it: the wider law is taken.
+    """
+    seen = max(angle.start_rad, angle.sigma_rad), angle.within_rad
+    if method == "servo":
+        return seen, seen
+    repeats = axes_of(task, moved_by(task, align)).repeatability_theta_rad
+    return seen, (math.sqrt(2) * repeats, math.inf)
+
+
+def angle_correction(
+    task: Task, align: StepState, before: PastMeasurement | None
+) -> AngleCorrection | None:
+    """Return the rotation that an alignment corrects, None if it corrects none.
+
+    `before` as in `residual_after`: it may know the angle of one of the two.
+    """
+    within_rad = align.step.tolerance_theta_rad
+    if within_rad is None:
+        return None
+    carrier = moved_by(task, align)
+    sigma = axes_of(task, carrier).repeatability_theta_rad
+    spread = [
+        _angle_rad(task, align, name or "", before)
+        for name in (align.step.target, align.step.to)
+    ]
+    return AngleCorrection(
+        within_rad=within_rad,
+        start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
+        sigma_rad=settled_theta_rad(task, carrier),
+        gain=gain_of(task),
+    )
+
+
+def _angle_rad(
+    task: Task, align: StepState, name: str, before: PastMeasurement | None
+) -> float:
+    """Return how well an angle is known before an alignment's first look, rad."""
+    spread = locate_place(task, align.before, name).sigma_theta_rad
+    if before is None or before.sigma_theta_rad is None:
+        return spread
+    is_seen = owner_of(before.name) == owner_of(name)
+    return min(spread, before.sigma_theta_rad) if is_seen else spread
 
 
 def approach_um(
@@ -85,7 +152,7 @@ def approach_um(
         else _seen_um(task, before)
     )
     landed_um = single_residual(task, moved_by(task, align)).sigma_um
-    return known_um, math.hypot(landed_um, known_um, _swing_um(task, align))
+    return known_um, math.hypot(landed_um, known_um, swing_um(task, align))
 
 
 def _seen_um(task: Task, before: PastMeasurement) -> float:
@@ -125,8 +192,11 @@ def single_residual(task: Task, carrier: Carrier) -> Residual:
     return Residual(sigma_um=sigma * math.sqrt(2), within_um=math.inf)
 
 
-def _swing_um(task: Task, align: StepState) -> float:
-    """Return the displacement by rotations that do not repeat, one sigma, um."""
+def swing_um(task: Task, align: StepState) -> float:
+    """Return the displacement by rotations that do not repeat, one sigma, um.
+
+    Before and after a correction that turns; 0 for one that may not.
+    """
     if align.step.tolerance_theta_rad is None:
         return 0.0
     carrier = moved_by(task, align)

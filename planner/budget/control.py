@@ -6,10 +6,14 @@ import math
 
 from microplan.planner.assembly.assembly import Carrier, axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.alignment_residual import residual_of
+from microplan.planner.budget.alignment_residual import (
+    angle_correction,
+    residual_of,
+    swing_um,
+)
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.insert_budget import insert_s, travel_of
-from microplan.planner.budget.methods import GIVE_UP, AngleCorrection, angle_correction
+from microplan.planner.budget.probability.angle_budget import GIVE_UP, AngleCorrection
 from microplan.planner.budget.probability.fit_probability import (
     Residual,
     combine,
@@ -72,7 +76,7 @@ def control_of(
         tolerance_theta_rad=align.step.tolerance_theta_rad,
         max_step_um=max_step_um(task, carrier),
         max_cycles=_most_looks(
-            residual_of(task, within_um, carrier), angle_correction(task, align)
+            residual_of(task, within_um, carrier), angle_correction(task, align, None)
         ),
         expected_cycles=option.looks,
         expected_s=option.expected_s,
@@ -80,7 +84,7 @@ def control_of(
         floor_s=floor_s,
         ratio_to_floor=(approach_s + option.expected_s) / floor_s,
         choice=choice,
-        move_sigma_um=axes.repeatability_xy_um,
+        move_sigma_um=math.hypot(axes.repeatability_xy_um, swing_um(task, align)),
     )
 
 

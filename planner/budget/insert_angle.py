@@ -5,34 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
+from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement
+from microplan.planner.budget.insertion import LateralResidual
 from microplan.planner.budget.probability.angle_budget import AngleError
-from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.task.task import Task
-from microplan.planner.views.alignments import gain_of, moved_by
 from microplan.planner.views.fit_angles import alignment_of
 from microplan.schemas.plan.verdicts import TurnRow
 
 
-def insert_angle(
-    task: Task,
-    states: tuple[StepState, ...],
+def insert_angles(
     insert: StepState,
-    left: Residual,
+    left: LateralResidual,
     seen: Mapping[str, PastMeasurement],
-) -> AngleError:
-    """Return the error of a shaft's angle in its hole.
+) -> tuple[AngleError, AngleError]:
+    """Return the errors of a shaft's angle in its hole.
 
-    After an alignment that turns, what it leaves and how well its looks know both
-    angles; without one the angles of both parts as the task has them.
+    Of alignments that end at their first look, and of others: what an alignment that
+    turns leaves, and how well its looks know both angles. Without one the angles of
+    both parts as the task has them.
     """
     names = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
     spread = [insert.before.parts[name].sigma_theta_rad for name in names]
-    align = alignment_of(states, insert)
-    if align is None or align.step.tolerance_theta_rad is None:
+    if left.angles is None:
         rows = tuple(
             TurnRow(
                 term=f"angle of {name}",
@@ -41,18 +38,16 @@ def insert_angle(
             )
             for name, sigma in zip(names, spread, strict=True)
         )
-        return AngleError(left_rad=0.0, cut_rad=math.inf, rows=rows)
+        unturned = AngleError(left_rad=0.0, cut_rad=math.inf, rows=rows)
+        return unturned, unturned
     rows = tuple(
         _measured(name, seen.get(name), sigma)
         for name, sigma in zip(names, spread, strict=True)
     )
-    repeats = axes_of(task, moved_by(task, align)).repeatability_theta_rad
-    if math.isinf(left.within_um):  # one look and a move
-        return AngleError(left_rad=math.sqrt(2) * repeats, cut_rad=math.inf, rows=rows)
-    settled = repeats * math.sqrt(2 / (2 - gain_of(task)))
-    return AngleError(
-        left_rad=settled, cut_rad=align.step.tolerance_theta_rad, rows=rows
+    first, later = (
+        AngleError(left_rad=sigma, cut_rad=cut, rows=rows) for sigma, cut in left.angles
     )
+    return first, later
 
 
 def _measured(name: str, seen: PastMeasurement | None, spread_rad: float) -> TurnRow:

@@ -37,6 +37,7 @@ PIECE_NODES = 6
 # How closely the mean over the wide axis is found; probabilities are quoted to 4
 # digits.
 CLOSE = 1e-5
+AngleLeft = tuple[float, float]  # sigma before it is cut off, and where, rad
 NO_ANGLE = AngleError(left_rad=0.0, cut_rad=math.inf, rows=())
 
 
@@ -47,7 +48,10 @@ class LateralResidual:
     residual: Residual
     term: str
     source: str
-    early: tuple[float, Residual] | None = None  # as `Insertion.early`
+    early: tuple[float, Residual] | None = None  # as `Insertion` has them
+    turned: tuple[float, Residual] | None = None
+    # angles that are left by those that end at their first look, and by others
+    angles: tuple[AngleLeft, AngleLeft] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,24 +65,30 @@ class Insertion:
     offset_rad: float = 0.0  # its direction in the world, as `along_rad` of the rows
     # share of alignments that end at their first look, and what those leave
     early: tuple[float, Residual] | None = None
+    # share of those whose correction turns, and what those leave
+    turned: tuple[float, Residual] | None = None
     # of other outlines than circles: the error of the shaft's angle, that of the hole
     # in the world, and what an error of the angle moves the shaft by, um per rad
     angle: AngleError | None = None
+    early_angle: AngleError | None = None  # of those that end at their first look
     hole_rad: float = 0.0
     lever_um: tuple[float, float] = (0.0, 0.0)
 
     @property
     def left_um(self) -> float:
         """Return the residual of the servo, um, root mean square per axis."""
-        shares = [(1.0, self.residual)]
-        if self.early is not None:
-            share, residual = self.early
-            shares = [(1 - share, self.residual), (share, residual)]
         square = 0.0
-        for share, residual in shares:
+        for share, residual in self.shares:
             radii, weights = residual.radii()
             square += share * float(weights @ radii**2) / 2
         return math.sqrt(square)
+
+    @property
+    def shares(self) -> tuple[tuple[float, Residual], ...]:
+        """Return the shares of alignments, and what those leave; they add up to 1."""
+        others = [each for each in (self.early, self.turned) if each is not None]
+        rest = max(1 - sum(share for share, _ in others), 0.0)
+        return tuple(each for each in ((rest, self.residual), *others) if each[0] > 0)
 
     @property
     def round_fit(self) -> RoundFit:
@@ -104,11 +114,8 @@ class Insertion:
         What acts along one direction only widens the rest there: the wide axis is
         averaged over, the narrow one is common to all directions.
         """
-        if self.early is not None:
-            share, residual = self.early
-            later = replace(self, early=None)
-            early = replace(later, residual=residual)
-            return share * early.miss + (1 - share) * later.miss
+        if self.early is not None or self.turned is not None:
+            return sum(w * self.after(left).miss for w, left in self.shares)
         if isinstance(self.fit, OutlineFit):
             return self.seating.miss
         rest, fit = self.rest, self.round_fit
@@ -125,9 +132,15 @@ class Insertion:
         return self._averaged(narrow, extra, angle - self.offset_rad)
 
     @property
+    def angle_rad(self) -> float:
+        """Return sigma of the angle, rad, 0 where it does not matter."""
+        laws = [(w, self.after(left).angle) for w, left in self.shares]
+        return math.sqrt(sum(w * law.sigma_rad**2 for w, law in laws if law))
+
+    @property
     def angle_um(self) -> float:
         """Return what one sigma of the angle moves the shaft's farthest point by."""
-        return 0.0 if self.angle is None else self.angle.sigma_rad * self.reach_um
+        return self.angle_rad * self.reach_um
 
     @property
     def reach_um(self) -> float:
@@ -141,18 +154,26 @@ class Insertion:
         """Return what comes of an insertion of other outlines than circles."""
         if not isinstance(self.fit, OutlineFit):
             raise TypeError("a round fit has no outlines")
-        shares = [(1.0, self.residual)]
-        if self.early is not None:
-            share, residual = self.early
-            shares = [(1 - share, self.residual), (share, residual)]
-        found = [(w, seating(self.fit, self._pose_error(left))) for w, left in shares]
+        found = [
+            (w, seating(self.fit, self.after(left).pose_error))
+            for w, left in self.shares
+        ]
         return Seating(
             seated=sum(w * each.seated for w, each in found),
             elsewhere=sum(w * each.elsewhere for w, each in found),
             miss=sum(w * (each.miss + each.elsewhere) for w, each in found),
         )
 
-    def _pose_error(self, left: Residual) -> PoseError:
+    def after(self, left: Residual) -> Insertion:
+        """Return the same insertion after alignments that all leave one of `shares`."""
+        ends = self.early is not None and left is self.early[1]
+        angle = self.early_angle or self.angle if ends else self.angle
+        return replace(
+            self, residual=left, early=None, turned=None, angle=angle, early_angle=None
+        )
+
+    @property
+    def pose_error(self) -> PoseError:
         """Return the error of the shaft's pose in the frame of the hole as planned.
 
         The rows are of the hole's place about the shaft's: the other way round.
@@ -169,7 +190,7 @@ class Insertion:
             xx_um2=max(xx, 0.0), xy_um2=xy, yy_um2=max(yy, 0.0),
         )  # fmt: skip
         return PoseError(
-            plane=PlaneError(residual=left, rest=plane),
+            plane=PlaneError(residual=self.residual, rest=plane),
             angle=self.angle or NO_ANGLE,
             lever_um=(arm[0], arm[1]),
         )
@@ -273,16 +294,19 @@ class Insertion:
                 found = found.scaled(key, factor)
             return found
         if term == SERVO:
-            early = self.early
-            if early is not None:
-                early = (early[0], _scaled(early[1], factor))
-            return replace(self, residual=_scaled(self.residual, factor), early=early)
+            early, turned = (
+                None if each is None else (each[0], _scaled(each[1], factor))
+                for each in (self.early, self.turned)
+            )
+            left = _scaled(self.residual, factor)
+            return replace(self, residual=left, early=early, turned=turned)
         if term == OFFSET:
             return replace(self, offset_um=self.offset_um * factor)
         if term == SIZE:
             return replace(self, fit=_resized(self.fit, factor))
         if term == ANGLE and self.angle is not None:
-            return replace(self, angle=_finer(self.angle, factor))
+            first = self.early_angle and _finer(self.early_angle, factor)
+            return replace(self, angle=_finer(self.angle, factor), early_angle=first)
         known = {row.term: row.sigma_um for row in self.blind}[term]
         return self if known is None else self.resized(term, factor * known)
 

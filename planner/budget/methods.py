@@ -4,72 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from statistics import NormalDist
+from dataclasses import replace
 
 from microplan.optics.outline.tolerant_order import least
-from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
+from microplan.planner.assembly.assembly import axes_of, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import (
+    angle_correction,
     approach_um,
     residual_after,
     residual_of,
+    swing_um,
 )
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.budget.probability.servo_landing import Loop, expected_looks
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
-from microplan.planner.views.alignments import (
-    gain_of,
-    inside_angle,
-    moved_by,
-    settled_theta_rad,
-)
+from microplan.planner.views.alignments import gain_of, moved_by
 from microplan.planner.views.requests import insertion_after
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
 
-# Probability below which more looks, or more corrections of an angle, are not expected.
-GIVE_UP = 1e-6
 # Probabilities that differ by less are equal: the quicker method is taken.
 SAME_PROBABILITY = 1e-6
 METHODS: tuple[MethodName, ...] = ("servo", "look_then_move")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AngleCorrection:
-    """Rotation that an alignment corrects: its initial error, its residual error."""
-
-    within_rad: float
-    start_rad: float  # standard deviation before the first look
-    sigma_rad: float  # after corrections, one sigma
-    gain: float
-
-    @property
-    def inside(self) -> float:
-        """Return the probability that a correction of a small angle ends inside."""
-        return inside_angle(self.within_rad, self.sigma_rad)
-
-    @property
-    def most(self) -> int:
-        """Return the corrections after which all but GIVE_UP of starts are inside."""
-        sigmas = NormalDist().inv_cdf(1 - GIVE_UP / 2)
-        far_rad = min(sigmas * self.start_rad, math.pi)
-        if far_rad <= self.within_rad:
-            return 0
-        if self.gain >= 1:
-            return 1
-        shrunk = math.log(far_rad / self.within_rad) / -math.log1p(-self.gain)
-        return math.ceil(shrunk)
-
-    @property
-    def expected(self) -> float:
-        """Return the mean number of corrections: one for each that ends outside."""
-        if self.start_rad <= 0:
-            return 0.0
-        left = [(1 - self.gain) ** k * self.start_rad for k in range(self.most)]
-        return sum(math.erfc(self.within_rad / s / math.sqrt(2)) for s in left if s > 0)
 
 
 def method_of(
@@ -145,9 +104,12 @@ def _servo_looks(
     before: PastMeasurement | None,
 ) -> float:
     """Return how many looks a servo takes on average."""
-    carrier, angle = moved_by(task, align), angle_correction(task, align)
+    carrier, angle = moved_by(task, align), angle_correction(task, align, before)
     here = seen.get(owner_of(align.step.target or ""))
     _, start_um = approach_um(task, align, before)
+    # along one direction; of a loop that is alike in all, as much in the mean
+    swung_um = swing_um(task, align) / math.sqrt(2)
+    start_um = math.sqrt(max(start_um**2 - swung_um**2, 0.0))
     loop = Loop(
         gain=gain_of(task),
         move_um=axes_of(task, carrier).repeatability_xy_um,
@@ -158,29 +120,11 @@ def _servo_looks(
     looks = expected_looks(loop)
     if angle is None or angle.inside <= 0:
         return looks
-    # position and angle shrink by the same corrections; the one that takes longer
-    # counts, and each must be inside at one and the same look
-    near = replace(loop, start_um=residual_of(task, within_um, carrier).sigma_um)
-    settled = expected_looks(near)
-    return settled / angle.inside + max(looks - settled, angle.expected)
-
-
-def angle_correction(task: Task, align: StepState) -> AngleCorrection | None:
-    """Return the rotation that an alignment corrects, None if it corrects none."""
-    within_rad = align.step.tolerance_theta_rad
-    if within_rad is None:
-        return None
-    sigma = axes_of(task, moved_by(task, align)).repeatability_theta_rad
-    spread = [
-        locate_place(task, align.before, name or "").sigma_theta_rad
-        for name in (align.step.target, align.step.to)
-    ]
-    return AngleCorrection(
-        within_rad=within_rad,
-        start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
-        sigma_rad=settled_theta_rad(task, moved_by(task, align)),
-        gain=gain_of(task),
-    )
+    # what turns is out of place by the swing of that, and is not turned again inside
+    left_um = residual_of(task, within_um, carrier).sigma_um
+    near = replace(loop, start_um=math.hypot(left_um, swung_um))
+    turned = angle.turns * expected_looks(near)
+    return (1 - angle.turns) * looks + angle.expected / angle.inside + turned
 
 
 def choose(

@@ -89,7 +89,6 @@ def placement_residual(put: PlacementContext) -> LateralResidual:
         method_taken(put.align, put.history),
         put.history.within_um,
         put.history.before,
-        angle_error(put).left_inside if put.turned is put.align else 1.0,
     )
 
 
@@ -101,6 +100,7 @@ def placement_errors(put: PlacementContext, left: LateralResidual) -> Insertion:
         fit=within(put.verify.within_um or 0.0),
         residual=left.residual,
         early=left.early,
+        turned=left.turned,
         blind=(*_blind(put), *_levers(put)),
         offset_um=offset_um,
         offset_rad=offset_rad,

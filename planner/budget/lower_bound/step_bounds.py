@@ -254,12 +254,11 @@ def worst_miss(job: Insertion, bias_um: float, first_um: float) -> float:
     first_um : float
         That of alignments that end at their first look.
     """
-    if job.early is None:
-        return _worst(job, bias_um)
-    share, residual = job.early
-    later = replace(job, early=None)
-    early = replace(later, residual=residual)
-    return share * _worst(early, first_um) + (1 - share) * _worst(later, bias_um)
+    found = 0.0
+    for share, left in job.shares:
+        ends = job.early is not None and left is job.early[1]
+        found += share * _worst(job.after(left), first_um if ends else bias_um)
+    return found
 
 
 def _worst(job: Insertion, bias_um: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from scipy import special
@@ -15,6 +16,8 @@ from microplan.schemas.plan.verdicts import TurnRow
 # A normal distribution beyond so many sigmas, 2e-19, is lost in the rounding of 1.
 BODY_SIGMAS = 9.0
 NODES = 16  # per piece; pieces are a sigma of either term long
+# Probability below which more looks, or more corrections of an angle, are not expected.
+GIVE_UP = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,3 +93,47 @@ class AngleError:
         more, less = (special.erfc(z / math.sqrt(2)) for z in sides)
         found: FloatArray = (more + less) / 2
         return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AngleCorrection:
+    """Rotation that an alignment corrects while it is outside a tolerance."""
+
+    within_rad: float
+    start_rad: float  # standard deviation before the first look
+    sigma_rad: float  # after corrections, one sigma
+    gain: float
+
+    @property
+    def inside(self) -> float:
+        """Return the probability that a correction of a small angle ends inside."""
+        if self.sigma_rad <= 0:
+            return 1.0
+        return math.erf(self.within_rad / self.sigma_rad / math.sqrt(2))
+
+    @property
+    def turns(self) -> float:
+        """Return the probability that the first look finds it outside."""
+        if self.start_rad <= 0:
+            return 0.0
+        return math.erfc(self.within_rad / self.start_rad / math.sqrt(2))
+
+    @property
+    def most(self) -> int:
+        """Return the corrections after which all but GIVE_UP of starts are inside."""
+        sigmas = NormalDist().inv_cdf(1 - GIVE_UP / 2)
+        far_rad = min(sigmas * self.start_rad, math.pi)
+        if far_rad <= self.within_rad:
+            return 0
+        if self.gain >= 1:
+            return 1
+        shrunk = math.log(far_rad / self.within_rad) / -math.log1p(-self.gain)
+        return math.ceil(shrunk)
+
+    @property
+    def expected(self) -> float:
+        """Return the mean number of corrections: one for each that ends outside."""
+        if self.start_rad <= 0:
+            return 0.0
+        left = [(1 - self.gain) ** k * self.start_rad for k in range(self.most)]
+        return sum(math.erfc(self.within_rad / s / math.sqrt(2)) for s in left if s > 0)

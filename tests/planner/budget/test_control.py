@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.alignment_residual import angle_correction
 from microplan.planner.budget.control import control_of, folded_mean
-from microplan.planner.budget.methods import (
-    GIVE_UP,
-    AngleCorrection,
-    angle_correction,
-    method_of,
-)
+from microplan.planner.budget.methods import method_of
+from microplan.planner.budget.probability.angle_budget import GIVE_UP, AngleCorrection
 from microplan.planner.source.diagnostics import Report
 from tests.planner.examples import ROOT
 from tests.planner.placed import look, read
@@ -48,7 +45,7 @@ def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
     """A submount .5 deg off, to be turned within .1 deg by 80 % at a time."""
     task = read()
     align = next(s for s in unfold(task, Report()) if s.step.id == "over_site")
-    turn = angle_correction(task, align)
+    turn = angle_correction(task, align, None)
     assert turn is not None
     assert turn.start_rad == pytest.approx(math.radians(0.5), rel=1e-3)
     seen = look("submount.mark", "find_submount", 0.12)
