@@ -41,8 +41,8 @@ def align(
     The first approach goes by beliefs along `action.path`; every correction moves by
     gain times the measured error. Nothing moves once the raw error is inside the
     tolerance: correcting for ever is noisier. `look_then_move` corrects once, fully,
-    without another look. A target that is lost after a correction is looked for once
-    more from where it was seen last.
+    wherever it is, without another look. A target that is lost after a correction is
+    looked for once more from where it was seen last.
 
     Raises
     ------
@@ -66,20 +66,27 @@ def align(
         )
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
         rig.write_ahead.write("error", error_um=error_um)
-        if _inside(error_um, turn_rad, control):
+        servo = control.method == "servo"
+        if servo and _inside(error_um, turn_rad, control):
             return ended
         _check(errors_um, turn_rad, control, action)
-        servo = control.method == "servo"
-        gain, still_rad = control.gain if servo else 1.0, control.tolerance_theta_rad
-        rig.move(correction(rig, action, control, gain, still_rad or 0.0))
         if not servo:
+            rig.move(correction(rig, action, control, 1.0))
             return ended
-        warm_start = _warm_start(seen, look, control)
+        still_rad = control.tolerance_theta_rad or 0.0
+        move = correction(rig, action, control, control.gain, still_rad)
+        rig.move(move)
+        warm_start = _warm_start(seen, look, control, move)
 
 
-def _warm_start(seen: TargetSighting, look: Look, control: Control) -> WarmStart | None:
-    """Return where a look's features must be after a correction, if that is known."""
-    if control.move_sigma_um is None:
+def _warm_start(
+    seen: TargetSighting, look: Look, control: Control, move: AxisMove
+) -> WarmStart | None:
+    """Return where a look's features must be after a correction, if that is known.
+
+    What has turned may have swung aside.
+    """
+    if control.move_sigma_um is None or move.theta_rad is not None:
         return None
     sigma_um = math.hypot(control.move_sigma_um, look.measure.sigma_xy_um)
     return WarmStart(features=seen.features, sigma_um=sigma_um)
@@ -143,9 +150,9 @@ def correction(
 ) -> AxisMove:
     """Return the readings that take the target `gain` times the distance to its goal.
 
-    A rotation about the axis is compensated in x and y by the same move. An angle
+    A rotation is made fully, and compensated in x and y by the same move. An angle
     within `still_rad` of its goal is left: a rotation lands with a new error, which
-    moves the target by the lever times that.
+    moves the target by its distance from the axis times that.
     """
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
@@ -153,7 +160,7 @@ def correction(
     turn_rad = 0.0
     if control.tolerance_theta_rad is not None:
         turn_rad = math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
-        turn_rad *= gain if abs(turn_rad) > still_rad else 0.0
+        turn_rad *= abs(turn_rad) > still_rad
     wanted = (
         here.x_um + gain * (goal.x_um - here.x_um),
         here.y_um + gain * (goal.y_um - here.y_um),

@@ -30,7 +30,7 @@ Key = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grid:
+class DistanceGrid:
     """Distances at the points of one grid; two are equal if they are one object."""
 
     values: Float32Array  # (rows, columns), y upwards
@@ -43,7 +43,7 @@ class DistanceField:
     turn: tuple[float, float]  # cosine and sine of the outline's frame in the world
     origin_um: tuple[float, float]  # of that frame, in the world
     corner_um: tuple[float, float]  # of the grid's first point, in that frame
-    grid: Grid
+    grid: DistanceGrid
 
     @property
     def values(self) -> Float32Array:
@@ -189,7 +189,7 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
 
 
 @lru_cache(maxsize=32)
-def _kept(key: Key, box: Box) -> Grid:
+def _kept(key: Key, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
     edges = _edges(key)
     columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
@@ -200,7 +200,7 @@ def _kept(key: Key, box: Box) -> Grid:
     inside = _inside(edges, box, rows, columns)
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return Grid(values)
+    return DistanceGrid(values)
 
 
 def _distances(

@@ -33,10 +33,10 @@ def residual_after(
 ) -> LateralResidual:
     """Return the lateral residual of an alignment.
 
-    It may end at its first look: then the error is that of the approach, by the look
-    before, cut off at the tolerance. Every later look of a servo follows a correction,
-    e+ = (1 - g) e + the axes' own. A correction turns where the angle is outside its
-    tolerance, and swings the target about the axes then.
+    A servo may end at its first look: then the error is that of the approach, by the
+    look before, cut off at the tolerance. Every later look follows a correction,
+    e+ = (1 - g) e + the axes' own. A correction that turns swings the target about the
+    axes: that of a servo does where the angle is outside its tolerance.
 
     Parameters
     ----------
@@ -50,57 +50,52 @@ def residual_after(
         The look that its approach goes by; None: the target's position as the task has
         it.
     """
-    carrier, angle = moved_by(task, align), angle_correction(task, align, before)
+    angle = angle_correction(task, align, before)
+    if method == "look_then_move":
+        return _after_one_move(task, align, angle)
     known_um, start_um = approach_um(task, align, before)
     first = Residual(sigma_um=start_um, within_um=within_um)
-    turns = 0.0 if angle is None else angle.turns
-    share, swung_um = first.inside * (1 - turns), swing_um(task, align)
-    if method == "look_then_move":  # it turns at all angles
-        later = _swung(single_residual(task, carrier), swung_um)
-        turned = None
-        term = f"{carrier} repeatability left by two moves"
-        source = "workcell repeatability_xy_um, nothing cut off"
-    else:
-        settled = residual_of(task, within_um, carrier)
-        later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
-        later = Residual(sigma_um=later_um, within_um=within_um)
-        turned = (turns, _swung(later, swung_um))
-        term = f"{carrier} place left by the servo"
-        source = f"workcell repeatability_xy_um, cut off at {within_um:.3g} um"
-    source += (
-        f"; with {share:.3g} the first look ends it, by the look before "
-        f"({known_um:.3g} um)"
-    )
-    if swung_um > 0:
-        source += f"; what turns lands within {swung_um:.3g} um, one sigma"
-    return LateralResidual(
+    settled = residual_of(task, within_um, moved_by(task, align))
+    later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
+    later = Residual(sigma_um=later_um, within_um=within_um)
+    left = LateralResidual(
         residual=later,
-        early=(share, first),
-        turned=turned,
-        term=term,
-        source=source,
-        angles=None if angle is None else _angles_left(task, align, method, angle),
+        early=(first.inside, first),
+        term=f"{moved_by(task, align)} place left by the servo",
+        source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
+        f"{first.inside:.3g} the first look ends it, by the look before "
+        f"({known_um:.3g} um)",
     )
+    if angle is None:
+        return left
+    swung = replace(later, sigma_um=math.hypot(later_um, swing_um(task, align)))
+    seen = AngleLeft(
+        sigma_rad=max(angle.start_rad, angle.sigma_rad), within_rad=angle.within_rad
+    )
+    ends = first.inside * (1 - angle.turns)
+    return replace(left, early=(ends, first), turned=(angle.turns, swung), angle=seen)
 
 
-def _swung(left: Residual, swung_um: float) -> Residual:
-    """Return what is left where a correction turns the target, too."""
-    return replace(left, sigma_um=math.hypot(left.sigma_um, swung_um))
-
-
-def _angles_left(
-    task: Task, align: StepState, method: MethodName, angle: AngleCorrection
-) -> tuple[AngleLeft, AngleLeft]:
-    """Return the angles that alignments leave that end at their first look, and others.
-
-    A servo leaves an angle that is within its tolerance, as the approach or a
-    correction had it: the wider law is taken.
-    """
-    seen = max(angle.start_rad, angle.sigma_rad), angle.within_rad
-    if method == "servo":
-        return seen, seen
-    repeats = axes_of(task, moved_by(task, align)).repeatability_theta_rad
-    return seen, (math.sqrt(2) * repeats, math.inf)
+def _after_one_move(
+    task: Task, align: StepState, angle: AngleCorrection | None
+) -> LateralResidual:
+    """Return what one look and one correction leave, and its turn."""
+    carrier = moved_by(task, align)
+    left = LateralResidual(
+        residual=single_residual(task, carrier),
+        term=f"{carrier} repeatability left by two moves",
+        source="workcell repeatability_xy_um, nothing cut off",
+    )
+    if angle is None:
+        return left
+    swung_um = math.hypot(left.residual.sigma_um, swing_um(task, align))
+    return replace(
+        left,
+        residual=replace(left.residual, sigma_um=swung_um),
+        source="workcell repeatability_xy_um and repeatability_theta_arcsec over the "
+        "distance from the axis, nothing cut off",
+        angle=AngleLeft(sigma_rad=angle.sigma_rad, within_rad=math.inf),
+    )
 
 
 def angle_correction(
@@ -123,7 +118,6 @@ def angle_correction(
         within_rad=within_rad,
         start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
         sigma_rad=settled_theta_rad(task, carrier),
-        gain=gain_of(task),
     )
 
 

@@ -74,7 +74,7 @@ def control_of(
         gain_limit=GAIN_LIMIT,
         tolerance_xy_um=within_um,
         tolerance_theta_rad=align.step.tolerance_theta_rad,
-        max_step_um=max_step_um(task, carrier),
+        max_step_um=max_step_um(task, carrier, swing_um(task, align)),
         max_cycles=_most_looks(
             residual_of(task, within_um, carrier), angle_correction(task, align, None)
         ),
@@ -84,7 +84,7 @@ def control_of(
         floor_s=floor_s,
         ratio_to_floor=(approach_s + option.expected_s) / floor_s,
         choice=choice,
-        move_sigma_um=math.hypot(axes.repeatability_xy_um, swing_um(task, align)),
+        move_sigma_um=axes.repeatability_xy_um,
     )
 
 
@@ -119,11 +119,12 @@ def folded_mean(mean: float, sigma: float) -> float:
     return tail + mean * math.erf(ratio / math.sqrt(2))
 
 
-def max_step_um(task: Task, carrier: Carrier) -> float:
+def max_step_um(task: Task, carrier: Carrier, swing_um: float = 0.0) -> float:
     """Return the largest correction that can be honest: the range of the look."""
     sigma = math.hypot(
         axes_of(task, carrier).repeatability_xy_um,
         task.benchmark.pose_sigma_xy_um,
+        swing_um,
     )
     return 2 * SEARCH_SIGMAS * sigma
 

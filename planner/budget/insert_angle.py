@@ -9,27 +9,24 @@ from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.insertion import LateralResidual
+from microplan.planner.budget.insertion import AngleLeft
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.task.task import Task
 from microplan.planner.views.fit_angles import alignment_of
 from microplan.schemas.plan.verdicts import TurnRow
 
 
-def insert_angles(
-    insert: StepState,
-    left: LateralResidual,
-    seen: Mapping[str, PastMeasurement],
-) -> tuple[AngleError, AngleError]:
-    """Return the errors of a shaft's angle in its hole.
+def insert_angle(
+    insert: StepState, left: AngleLeft | None, seen: Mapping[str, PastMeasurement]
+) -> AngleError:
+    """Return the error of a shaft's angle in its hole.
 
-    Of alignments that end at their first look, and of others: what an alignment that
-    turns leaves, and how well its looks know both angles. Without one the angles of
-    both parts as the task has them.
+    After an alignment that turns, what that leaves and how well its looks know both
+    angles; without one the angles of both parts as the task has them.
     """
     names = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
     spread = [insert.before.parts[name].sigma_theta_rad for name in names]
-    if left.angles is None:
+    if left is None:
         rows = tuple(
             TurnRow(
                 term=f"angle of {name}",
@@ -38,16 +35,12 @@ def insert_angles(
             )
             for name, sigma in zip(names, spread, strict=True)
         )
-        unturned = AngleError(left_rad=0.0, cut_rad=math.inf, rows=rows)
-        return unturned, unturned
+        return AngleError(left_rad=0.0, cut_rad=math.inf, rows=rows)
     rows = tuple(
         _measured(name, seen.get(name), sigma)
         for name, sigma in zip(names, spread, strict=True)
     )
-    first, later = (
-        AngleError(left_rad=sigma, cut_rad=cut, rows=rows) for sigma, cut in left.angles
-    )
-    return first, later
+    return AngleError(left_rad=left.sigma_rad, cut_rad=left.within_rad, rows=rows)
 
 
 def _measured(name: str, seen: PastMeasurement | None, spread_rad: float) -> TurnRow:

@@ -17,7 +17,7 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.drift_since_look import drift_rows
-from microplan.planner.budget.insert_angle import insert_angles, insert_lever_um
+from microplan.planner.budget.insert_angle import insert_angle, insert_lever_um
 from microplan.planner.budget.insertion import Insertion, LateralResidual
 from microplan.planner.budget.offenders import (
     ANGLE_TERM,
@@ -75,9 +75,11 @@ def insertion_of(
     job = replace(job, hole_rad=target.pose.theta_rad)
     if fit.shape.turns_freely:
         return job
-    first, angle = insert_angles(insert, left, seen)
-    lever_um = insert_lever_um(task, states, insert)
-    return replace(job, angle=angle, early_angle=first, lever_um=lever_um)
+    return replace(
+        job,
+        angle=insert_angle(insert, left.angle, seen),
+        lever_um=insert_lever_um(task, states, insert),
+    )
 
 
 def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float]:
@@ -158,7 +160,7 @@ def common_rows(job: Insertion, left: LateralResidual) -> tuple[BudgetRow, ...]:
         f"{row.term} {1e3 * row.sigma_rad:.3g} mrad ({row.source})"
         for row in job.angle.rows
     )
-    source = f"{1e3 * job.angle_rad:.3g} mrad x {job.reach_um:.4g} um: {said}"
+    source = f"{1e3 * job.angle.sigma_rad:.3g} mrad x {job.reach_um:.4g} um: {said}"
     return (
         *rows,
         BudgetRow(term=ANGLE_TERM, sigma_um=job.angle_um, source=source),

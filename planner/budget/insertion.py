@@ -37,8 +37,15 @@ PIECE_NODES = 6
 # How closely the mean over the wide axis is found; probabilities are quoted to 4
 # digits.
 CLOSE = 1e-5
-AngleLeft = tuple[float, float]  # sigma before it is cut off, and where, rad
 NO_ANGLE = AngleError(left_rad=0.0, cut_rad=math.inf, rows=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AngleLeft:
+    """Angle that an alignment leaves."""
+
+    sigma_rad: float  # before it is cut off
+    within_rad: float  # where that is, inf: nowhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +57,7 @@ class LateralResidual:
     source: str
     early: tuple[float, Residual] | None = None  # as `Insertion` has them
     turned: tuple[float, Residual] | None = None
-    # angles that are left by those that end at their first look, and by others
-    angles: tuple[AngleLeft, AngleLeft] | None = None
+    angle: AngleLeft | None = None  # None: the alignment turns nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +76,6 @@ class Insertion:
     # of other outlines than circles: the error of the shaft's angle, that of the hole
     # in the world, and what an error of the angle moves the shaft by, um per rad
     angle: AngleError | None = None
-    early_angle: AngleError | None = None  # of those that end at their first look
     hole_rad: float = 0.0
     lever_um: tuple[float, float] = (0.0, 0.0)
 
@@ -132,15 +137,9 @@ class Insertion:
         return self._averaged(narrow, extra, angle - self.offset_rad)
 
     @property
-    def angle_rad(self) -> float:
-        """Return sigma of the angle, rad, 0 where it does not matter."""
-        laws = [(w, self.after(left).angle) for w, left in self.shares]
-        return math.sqrt(sum(w * law.sigma_rad**2 for w, law in laws if law))
-
-    @property
     def angle_um(self) -> float:
         """Return what one sigma of the angle moves the shaft's farthest point by."""
-        return self.angle_rad * self.reach_um
+        return 0.0 if self.angle is None else self.angle.sigma_rad * self.reach_um
 
     @property
     def reach_um(self) -> float:
@@ -166,11 +165,7 @@ class Insertion:
 
     def after(self, left: Residual) -> Insertion:
         """Return the same insertion after alignments that all leave one of `shares`."""
-        ends = self.early is not None and left is self.early[1]
-        angle = self.early_angle or self.angle if ends else self.angle
-        return replace(
-            self, residual=left, early=None, turned=None, angle=angle, early_angle=None
-        )
+        return replace(self, residual=left, early=None, turned=None)
 
     @property
     def pose_error(self) -> PoseError:
@@ -305,8 +300,7 @@ class Insertion:
         if term == SIZE:
             return replace(self, fit=_resized(self.fit, factor))
         if term == ANGLE and self.angle is not None:
-            first = self.early_angle and _finer(self.early_angle, factor)
-            return replace(self, angle=_finer(self.angle, factor), early_angle=first)
+            return replace(self, angle=_finer(self.angle, factor))
         known = {row.term: row.sigma_um for row in self.blind}[term]
         return self if known is None else self.resized(term, factor * known)
 

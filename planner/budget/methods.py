@@ -124,7 +124,7 @@ def _servo_looks(
     left_um = residual_of(task, within_um, carrier).sigma_um
     near = replace(loop, start_um=math.hypot(left_um, swung_um))
     turned = angle.turns * expected_looks(near)
-    return (1 - angle.turns) * looks + angle.expected / angle.inside + turned
+    return (1 - angle.turns) * looks + angle.expected + turned
 
 
 def choose(

@@ -39,7 +39,7 @@ from microplan.planner.budget.placing import (
 from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.task.task import Task
-from microplan.planner.views.alignments import gain_of, moved_by
+from microplan.planner.views.alignments import moved_by, settled_theta_rad
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import PlacingVerdict, TurnRow
 
@@ -130,7 +130,7 @@ def angle_error(put: PlacementContext) -> AngleError:
     if turned is None:
         left = math.hypot(*spread, task.workcell.stage.axes.repeatability_theta_rad)
         return AngleError(left_rad=left, cut_rad=math.inf, rows=tuple(since))
-    repeats = axes_of(task, moved_by(task, turned)).repeatability_theta_rad
+    settled = settled_theta_rad(task, moved_by(task, turned))
     rows = [
         TurnRow(
             term=f"angle of {name if seen is None else seen.name}",
@@ -147,12 +147,11 @@ def angle_error(put: PlacementContext) -> AngleError:
     last, choice = turned is put.align, put.history.choice
     method = choice.method if last and choice is not None else turned.step.method
     if method == "look_then_move":
-        left, cut = math.sqrt(2) * repeats, math.inf
+        left, cut = settled, math.inf
     else:
         known = spread[owner_of(turned.step.target or "") == put.seat]
         before = put.history.before if last else None
-        first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
-        left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
+        left = math.hypot(_angle_rad(before, known), settled)  # as the approach has it
         cut = turned.step.tolerance_theta_rad or math.inf
     return AngleError(left_rad=left, cut_rad=cut, rows=(*rows, *since))
 

@@ -29,13 +29,12 @@ def gain_of(task: Task) -> float:
 
 
 def settled_theta_rad(task: Task, carrier: Carrier) -> float:
-    """Return the standard deviation of an angle after corrections."""
-    sigma = axes_of(task, carrier).repeatability_theta_rad
-    return sigma * math.sqrt(2 / (2 - gain_of(task)))
+    """Return the standard deviation of an angle after a correction: of two landings."""
+    return math.sqrt(2) * axes_of(task, carrier).repeatability_theta_rad
 
 
 def inside_angle(within_rad: float, sigma_rad: float) -> float:
-    """Return the probability that a correction of a small angle ends inside."""
+    """Return the probability that an angle is within a tolerance."""
     return math.erf(within_rad / sigma_rad / math.sqrt(2)) if sigma_rad > 0 else 1.0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from microplan.arrays import BoolArray, Float32Array
 from microplan.compiled import compiled
 
-CLEAR = 1.0  # widths: a ray that far off is not hidden at all
+_CLEAR = 1.0  # widths: a ray that far off is not hidden at all
 
 
 @compiled
@@ -44,7 +44,7 @@ def least_distances(
         Whether what rays leave before they approach it does not count: the last
         distance does then.
     clear : (points,) bool array
-        Whether no ray of a point comes near the outline: `CLEAR` is told of them.
+        Whether no ray of a point comes near the outline: they get `_CLEAR`.
     least : (points, slopes) float32 array, out
         In widths.
     """
@@ -53,7 +53,7 @@ def least_distances(
     widest = max(widths_um[0], widths_um[last])
     for p in range(least.shape[0]):
         if clear[p]:
-            least[p] = CLEAR
+            least[p] = _CLEAR
             continue
         for r in range(least.shape[1]):
             ray = u[p, r % starts], v[p, r % starts], du[0, r], dv[0, r]

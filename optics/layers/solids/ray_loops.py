@@ -14,7 +14,7 @@ import numpy as np
 from microplan.arrays import Float32Array, FloatArray, IntArray
 from microplan.compiled import compiled
 from microplan.optics.layers.solids.straight_rays import ThickBody
-from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, Grid
+from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, DistanceGrid
 
 LOST = -1  # rays that end nowhere: in black walls, or faint
 _TOUCH_UM = 0.1  # a ray this close to a wall meets it
@@ -58,11 +58,13 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
 
 
 @lru_cache(maxsize=8)
-def _joined(grids: tuple[Grid, ...]) -> Float32Array:
+def _joined(grids: tuple[DistanceGrid, ...]) -> Float32Array:
     """Return the distances of grids one after the other, (N,) um: bodies only move."""
-    return np.concatenate(
+    found = np.concatenate(
         [np.zeros(0, dtype=np.float32), *(grid.values.ravel() for grid in grids)]
     )
+    found.setflags(write=False)
+    return found
 
 
 @compiled

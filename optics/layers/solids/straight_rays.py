@@ -104,14 +104,15 @@ def hides(
     widths = np.array([_width(float(z_um), soft) for z_um in heights])
     ways = np.float32(abs(to_um - from_um)) * np.hypot(rays.across, rays.up)
     least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
+    clear = _clear_points(paths, rays, heights, widths)
     hiding_loop.least_distances(
         paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), ways,
-        heights, widths, body.is_sharp, _pass(paths, rays, heights, widths), least,
+        heights, widths, body.is_sharp, clear, least,
     )  # fmt: skip
     return _share(least)
 
 
-def _pass(
+def _clear_points(
     paths: Paths, rays: Rays, heights_um: Float32Array, widths_um: Float32Array
 ) -> BoolArray:
     """Return of which points no ray comes near a body at any height, (points,)."""

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 from scipy import special
 
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
+from microplan.planner.views.alignments import inside_angle
 from microplan.schemas.plan.verdicts import TurnRow
 
 # A normal distribution beyond so many sigmas, 2e-19, is lost in the rounding of 1.
 BODY_SIGMAS = 9.0
 NODES = 16  # per piece; pieces are a sigma of either term long
-# Probability below which more looks, or more corrections of an angle, are not expected.
+# Probability below which more looks, or a correction of an angle, are not expected.
 GIVE_UP = 1e-6
 
 
@@ -97,43 +97,28 @@ class AngleError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AngleCorrection:
-    """Rotation that an alignment corrects while it is outside a tolerance."""
+    """Rotation that a servo corrects, all of it, while it is outside a tolerance."""
 
     within_rad: float
     start_rad: float  # standard deviation before the first look
-    sigma_rad: float  # after corrections, one sigma
-    gain: float
+    sigma_rad: float  # after a correction, one sigma
 
     @property
     def inside(self) -> float:
-        """Return the probability that a correction of a small angle ends inside."""
-        if self.sigma_rad <= 0:
-            return 1.0
-        return math.erf(self.within_rad / self.sigma_rad / math.sqrt(2))
+        """Return the probability that a correction ends inside."""
+        return inside_angle(self.within_rad, self.sigma_rad)
 
     @property
     def turns(self) -> float:
         """Return the probability that the first look finds it outside."""
-        if self.start_rad <= 0:
-            return 0.0
-        return math.erfc(self.within_rad / self.start_rad / math.sqrt(2))
+        return 1.0 - inside_angle(self.within_rad, self.start_rad)
 
     @property
     def most(self) -> int:
-        """Return the corrections after which all but GIVE_UP of starts are inside."""
-        sigmas = NormalDist().inv_cdf(1 - GIVE_UP / 2)
-        far_rad = min(sigmas * self.start_rad, math.pi)
-        if far_rad <= self.within_rad:
-            return 0
-        if self.gain >= 1:
-            return 1
-        shrunk = math.log(far_rad / self.within_rad) / -math.log1p(-self.gain)
-        return math.ceil(shrunk)
+        """Return 1 if the first look finds it outside in more than GIVE_UP of cases."""
+        return int(self.turns > GIVE_UP)
 
     @property
     def expected(self) -> float:
-        """Return the mean number of corrections: one for each that ends outside."""
-        if self.start_rad <= 0:
-            return 0.0
-        left = [(1 - self.gain) ** k * self.start_rad for k in range(self.most)]
-        return sum(math.erfc(self.within_rad / s / math.sqrt(2)) for s in left if s > 0)
+        """Return the mean number of corrections, each that ends outside repeated."""
+        return self.turns / self.inside if self.inside > 0 else math.inf

@@ -155,6 +155,17 @@ def test_look_then_move_corrects_once() -> None:
     assert true.x_um == pytest.approx(0.0, abs=0.05)
 
 
+def test_look_then_move_corrects_what_is_inside_the_tolerance_too() -> None:
+    found, artifacts = look()
+    cell = quiet_cell()
+    rig = rig_of(cell, artifacts)
+    rig.beliefs.update("goal", rig.readings(), 0.3, 0.0, None)
+    once = control(method="look_then_move", tolerance_xy_um=0.5, max_cycles=1)
+    align(rig, ACTION, found, once)
+    true = cell.truth.pose(cell.truth.bodies["gear"])
+    assert true.x_um == pytest.approx(0.3, abs=0.05)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_mirrored_camera_is_caught_and_the_stage_stopped(seed: int) -> None:
     found, artifacts = look()
@@ -206,6 +217,24 @@ def test_a_turn_is_made_up_for_in_x_and_y() -> None:
     true = cell.truth.pose(cell.truth.bodies["gear"])
     assert (true.x_um, true.y_um) == pytest.approx((30.0, -40.0), abs=1e-9)
     assert true.theta_rad == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("still_rad", "turned"), [(0.4, True), (0.6, False)])
+def test_an_angle_inside_its_tolerance_is_left(
+    still_rad: float, *, turned: bool
+) -> None:
+    """What is outside is turned all the way, whatever the gain of x and y is."""
+    _, artifacts = look()
+    cell = quiet_cell()
+    rig = rig_of(cell, artifacts)
+    rig.beliefs.update("goal", rig.readings(), 30.0, -40.0, 0.5)
+    servo = control(tolerance_theta_rad=still_rad)
+    move = correction(rig, ACTION, servo, 0.8, still_rad)
+    assert (move.theta_rad is not None) is turned
+    rig.move(move)
+    true = cell.truth.pose(cell.truth.bodies["gear"])
+    assert (true.x_um, true.y_um) == pytest.approx((24.0, -32.0), abs=1e-9)
+    assert true.theta_rad == pytest.approx(0.5 if turned else 0.0)
 
 
 def blinking(cell: Cell, hidden: Sequence[int]) -> PictureCamera:

@@ -67,11 +67,12 @@ def drawn_um(
         seen = np.hypot(reading[0] + lands[0] + swing, reading[1] + lands[1])
         error_rad = goal_rad + off
         outside = np.abs(error_rad) > angle.within_rad
-        going &= (seen > WITHIN_UM) | outside
+        if method == "servo":
+            going &= (seen > WITHIN_UM) | outside
         if not going.any():
             break
         turns = going & (outside | (method == "look_then_move"))
-        goal_rad = np.where(turns, goal_rad - gain * error_rad, goal_rad)
+        goal_rad = np.where(turns, goal_rad - error_rad, goal_rad)
         again = rng.normal(0, turn, DRAWS)
         moved = np.array([reading[0] + lands[0] + swing, reading[1] + lands[1]])
         reading = np.where(going, reading - gain * moved, reading)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -97,6 +98,24 @@ def test_rays_that_are_left_out_meet_nothing_and_change_no_other() -> None:
     assert (whose[out] == -1).all()
     assert (whose[~out] == all_whose[~out]).all()
     assert (first[~out] == every[~out]).all()
+
+
+def test_points_all_of_whose_rays_pass_or_end_on_top_are_as_others() -> None:
+    """Beside rays to all sides single ones, for which other points are clear."""
+    rng = np.random.default_rng(6)
+    bodies = [post(-20.0, -50.0), post(8.0, -15.0), post(12.0, 10.0)]
+    rays = rays_of(rng.uniform(-55, 55, (80, 2)), rng.uniform(-0.4, 0.4, (30, 2)))
+    together, whose = first_met(
+        bodies, rays, -60.0, np.zeros(shape(rays), dtype=np.float32)
+    )
+    for r in range(rays.across.shape[1]):
+        one = replace(rays, across=rays.across[:, r : r + 1], up=rays.up[:, r : r + 1])
+        alone, its = first_met(
+            bodies, one, -60.0, np.zeros(shape(one), dtype=np.float32)
+        )
+        assert (alone[:, 0] == together[:, r]).all()
+        assert (its[:, 0] == whose[:, r]).all()
+    assert (together[whose == -1] == 12.0).mean() > 0.05
 
 
 @pytest.mark.parametrize("is_sharp", [False, True])
