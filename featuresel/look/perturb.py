@@ -34,8 +34,6 @@ from microplan.optics.render.view_range import Range
 # of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
-# The same of pairs of images where trials have no walls: a quarter of all rays.
-_PAIRED = 0.7
 # `Sampling.walls` of trials whose focus lies in the target's body, so many depths of
 # field, n wavelength / A^2, below its top: what its walls hide beside it changes within
 # a few um there, and chains find edges where points are too far apart (tested)
@@ -123,18 +121,10 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
 
 
 def as_tried(case: LookCase) -> LookCase:
-    """Return a look sampled as its trials are."""
+    """Return a look sampled as its trials are, where these draw surfaces."""
+    if not case.surfaces:
+        return case
     return replace(case, sampling=sampling_at(case, case.focus_um, RAYS))
-
-
-def as_paired(case: LookCase) -> LookCase:
-    """Return a look sampled for pairs of images: as tried where trials draw surfaces.
-
-    Else walls are in one image of a pair alone: it has more rays.
-    """
-    if case.surfaces:
-        return as_tried(case)
-    return replace(case, sampling=sampling_at(case, case.focus_um, _PAIRED))
 
 
 def sampling_at(case: LookCase, focus_um: float, rays: float) -> Sampling:

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.featuresel.look.perturb import as_paired
+from microplan.featuresel.look.perturb import as_tried
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.coherence.unmodelled import FLAT_BAND, vectorial_otf
 from microplan.optics.render.sampling import Sampling
@@ -166,7 +166,7 @@ def _coloured(case: LookCase) -> BetterModel:
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with solid bodies, walls at both ends of what they reflect."""
-    made, tried = by_layer(bodies), as_paired(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(WALLS,),
         by="solid bodies, their walls as dark and as bright as they may be",
@@ -179,7 +179,7 @@ def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
 
 def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with faces as dull and as much of mirrors as they may be."""
-    made, tried = by_layer(bodies), as_paired(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(FINISH,),
         by="faces that are dull, and that are mirrors",

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.features.feature import contour_px
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import as_paired, noisier, sampling_at, shifted
+from microplan.featuresel.look.perturb import as_tried, noisier, sampling_at, shifted
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
@@ -71,7 +71,7 @@ def pose_pictures(
 ) -> PosePictures:
     """Return the pictures of all pairs at one pose."""
     sensor = noisier(case.sensor, trial.noise)
-    tried = as_paired(case)
+    tried = as_tried(case)
     usual = posed_image(tried, trial, case.window)
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     counts = expose(usual, sensor, noise)

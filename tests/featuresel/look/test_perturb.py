@@ -14,8 +14,6 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import (
-    RAYS,
-    as_paired,
     image,
     noisier,
     sampling_at,
@@ -202,18 +200,6 @@ def test_a_trial_has_the_walls_and_faces_that_it_drew(look: Look) -> None:
     shown = image(replace(case, surfaces=surfaces), trial)
     np.testing.assert_array_equal(shown, image(stated, bare))
     assert np.abs(shown - image(case, bare)).max() > 0.02
-
-
-def test_pairs_have_the_rays_of_trials_or_more_where_those_have_no_walls(
-    look: Look,
-) -> None:
-    case = look("post")
-    unknown = UnknownSurface(
-        layer=case.moving[0].name, body="post", underside_um=-250.0,
-        wall=(0.0, 0.9), finish=(0.0, 1.0),
-    )  # fmt: skip
-    assert as_paired(replace(case, surfaces=(unknown,))).sampling.rays == RAYS
-    assert RAYS < as_paired(case).sampling.rays < 1
 
 
 def thick(found: LookCase, depth_um: float) -> LookCase:
