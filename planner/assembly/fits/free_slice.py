@@ -159,7 +159,8 @@ def _taken(
     for k in np.flatnonzero(~clear):
         body = clipped(box, normal[k][cut[k]].tolist(), reach[k][cut[k]].tolist())
         if len(body) > 2:
-            found.append(shapely.MultiPoint(body).convex_hull)  # valid, rounded or not
+            # the hull is valid, rounded or not
+            found.append(shapely.convex_hull(shapely.linestrings(body)))
     return [body for body in found if body.geom_type == "Polygon"]
 
 
