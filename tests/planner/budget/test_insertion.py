@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -190,3 +191,21 @@ def test_one_more_offset_counts_in_its_worst_direction() -> None:
     offset = insertion(row("a", 0.5), offset_um=0.3)
     both = insertion(row("a", 0.5), offset_um=1.0).miss
     assert offset.missed_with(0.7) == pytest.approx(both, rel=1e-12)
+
+
+def test_what_turned_and_what_ended_early_are_shares_of_all_draws() -> None:
+    """By draws of each share alone; what halves the servo's part halves all three."""
+    swung = Residual(sigma_um=2.2, within_um=math.inf)
+    job = replace(
+        insertion(row("all", 0.6), residual=SERVOED, tolerance_um=0.3),
+        early=(0.25, Residual(sigma_um=0.9, within_um=1.4)), turned=(0.35, swung),
+    )  # fmt: skip
+    each = [(w, replace(job, residual=left, early=None, turned=None))
+            for w, left in job.shares]  # fmt: skip
+    assert [share for share, _ in each] == pytest.approx([0.4, 0.25, 0.35])
+    found = sum(w * drawn(alone, seed) for seed, (w, alone) in enumerate(each))
+    assert job.miss == pytest.approx(found / SAMPLES, rel=0.02)
+    halved = job.scaled(SERVO, 0.5)
+    wanted = sum(w * alone.scaled(SERVO, 0.5).miss for w, alone in each)
+    assert halved.miss == pytest.approx(wanted)
+    assert job.left_um**2 == pytest.approx(sum(w * one.left_um**2 for w, one in each))

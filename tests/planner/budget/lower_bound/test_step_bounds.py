@@ -85,9 +85,11 @@ def test_a_bias_across_an_offset_counts_where_that_is_worse() -> None:
 def test_alignments_that_end_at_once_have_the_bias_of_their_approach() -> None:
     later = insertion(0.6, residual=Residual(sigma_um=0.4, within_um=1.0))
     early = Residual(sigma_um=0.9, within_um=1.0)
-    job = replace(later, early=(0.25, early))
+    swung = Residual(sigma_um=2.0, within_um=1.0)
+    job = replace(later, early=(0.25, early), turned=(0.35, swung))
     expected = 0.25 * worst_miss(replace(later, residual=early), 0.8, 0.0)
-    expected += 0.75 * worst_miss(later, 0.2, 0.0)
+    expected += 0.35 * worst_miss(replace(later, residual=swung), 0.2, 0.0)
+    expected += 0.4 * worst_miss(later, 0.2, 0.0)
     assert worst_miss(job, 0.2, 0.8) == pytest.approx(expected)
 
 
