@@ -58,13 +58,14 @@ def residual_after(
     settled = residual_of(task, within_um, moved_by(task, align))
     later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
     later = Residual(sigma_um=later_um, within_um=within_um)
+    turns = 0.0 if angle is None else angle.turns
+    ends = first.inside * (1 - turns)
     left = LateralResidual(
         residual=later,
-        early=(first.inside, first),
+        early=(ends, first),
         term=f"{moved_by(task, align)} place left by the servo",
         source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
-        f"{first.inside:.3g} the first look ends it, by the look before "
-        f"({known_um:.3g} um)",
+        f"{ends:.3g} the first look ends it, by the look before ({known_um:.3g} um)",
     )
     if angle is None:
         return left
@@ -72,8 +73,7 @@ def residual_after(
     seen = AngleLeft(
         sigma_rad=max(angle.start_rad, angle.sigma_rad), within_rad=angle.within_rad
     )
-    ends = first.inside * (1 - angle.turns)
-    return replace(left, early=(ends, first), turned=(angle.turns, swung), angle=seen)
+    return replace(left, turned=(turns, swung), angle=seen)
 
 
 def _after_one_move(
