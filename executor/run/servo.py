@@ -160,7 +160,8 @@ def correction(
     turn_rad = 0.0
     if control.tolerance_theta_rad is not None:
         turn_rad = math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
-        turn_rad *= abs(turn_rad) > still_rad
+        if abs(turn_rad) <= still_rad:
+            turn_rad = 0.0
     wanted = (
         here.x_um + gain * (goal.x_um - here.x_um),
         here.y_um + gain * (goal.y_um - here.y_um),
