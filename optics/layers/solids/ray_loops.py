@@ -23,11 +23,9 @@ _WALL_UM = 1.0  # the same until the first wall, which is met between two steps
 _STEPS = 300  # of a mirrored ray
 _BOUNCES = 30  # on walls; what is left then is lost, as is less than
 _FAINT = 0.005  # of the light
-# as far off a body, or inside, as all rays of a point are said to pass it, or to end
-# on its top, this is more than distances err by
-_SURE_UM = 1.0
+_SURE_UM = 1.0  # more than distances err by
 _PASSED_UM = 1e-3  # heights this close are one
-_NEXT = np.uintp(1)
+_NEXT = np.uintp(1)  # one point on in a grid
 _RIM = 1.001  # steps from the end of a grid: four points lie about each place
 # columns of what is known of each body
 _FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS, _STEP, _FAR = range(
