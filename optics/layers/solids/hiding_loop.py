@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from microplan.arrays import BoolArray, Float32Array
+from microplan.arrays import Float32Array
 from microplan.compiled import compiled
 
 _CLEAR = 1.0  # widths: a ray that far off is not hidden at all
@@ -18,11 +18,11 @@ def least_distances(
     distances: Float32Array,
     start: tuple[Float32Array, Float32Array],
     slope: tuple[Float32Array, Float32Array],
-    ways_um: Float32Array,
+    slopes: Float32Array,
     heights_um: Float32Array,
     widths_um: Float32Array,
     is_sharp: bool,  # noqa: FBT001 - compiled functions have no keywords
-    clear: BoolArray,
+    away_um: Float32Array,
     least: Float32Array,
 ) -> None:
     """Find the least distance of rays from an outline, over the ray's width there.
@@ -35,35 +35,38 @@ def least_distances(
         Columns and rows at which rays start, half a step on.
     slope : two (1, slopes) float32 arrays
         Steps a um of height.
-    ways_um : (1, slopes) float32 array
-        Sideways from the first to the last height.
+    slopes : (1, slopes) float32 array
+        Sideways a um of height.
     heights_um, widths_um : (K + 1,) float32 arrays
         Where distances are looked up, in the order in which rays meet them, and how
         wide a ray is there.
     is_sharp : bool
         Whether what rays leave before they approach it does not count: the last
         distance does then.
-    clear : (points,) bool array
-        Whether no ray of a point comes near the outline: they get `_CLEAR`.
+    away_um : (points,) float32 array
+        How far from the outline all rays of a point start at least, at height 0.
     least : (points, slopes) float32 array, out
         In widths.
     """
-    (u, v), (du, dv), starts = start, slope, start[0].shape[1]
+    (u, v), (du, dv), one = start, slope, 0 if start[0].shape[1] == 1 else 1
     last = heights_um.size - 1
     widest = max(widths_um[0], widths_um[last])
+    depth = abs(heights_um[last] - heights_um[0])
+    farthest = max(abs(heights_um[0]), abs(heights_um[last]))
     for p in range(least.shape[0]):
-        if clear[p]:
-            least[p] = _CLEAR
-            continue
         for r in range(least.shape[1]):
-            ray = u[p, r % starts], v[p, r % starts], du[0, r], dv[0, r]
+            if away_um[p] >= farthest * slopes[0, r] + widest:
+                least[p, r] = _CLEAR
+                continue
+            ray = u[p, r * one], v[p, r * one], du[0, r], dv[0, r]
             before = _nearest(distances, ray, heights_um[0])
             end = _nearest(distances, ray, heights_um[last])
             found = end / widths_um[last]
             if not is_sharp:
                 found = min(found, before / widths_um[0])
             # a distance changes by the way at most: nearer than this none comes
-            if before + end - ways_um[0, r] < widest and (is_sharp or found > -0.5):
+            way = depth * slopes[0, r]
+            if before + end - way < widest and (is_sharp or found > -0.5):
                 found = _on_the_way(
                     distances, ray, heights_um, widths_um, before, found, is_sharp
                 )

@@ -142,7 +142,8 @@ def first_met(
     """
     first[:] = np.where(first == np.inf, np.inf, -np.inf)
     whose[:] = -1
-    steepest = np.sqrt(np.max(across**2 + up**2))
+    slopes = np.hypot(across.astype(np.float64), up.astype(np.float64))
+    steepest = slopes.max()
     for p in range(first.shape[0]):
         x, y = x_um[p, 0], y_um[p, 0]
         wide = np.sqrt(np.max((x_um[p] - x) ** 2 + (y_um[p] - y) ** 2)) + _SURE_UM
@@ -155,8 +156,9 @@ def first_met(
             if -d >= abs(top) * steepest + wide:
                 _end_on_top(top, first[p], whose[p])
                 continue
-            rays = x_um[p], y_um[p], across, up
-            _meet_body(grids, bodies[k], k, low, rays, first[p], whose[p])
+            rays = x_um[p], y_um[p], across, up, slopes
+            sure = d - wide, -d - wide
+            _meet_body(grids, bodies[k], k, low, sure, rays, first[p], whose[p])
 
 
 @compiled
@@ -173,59 +175,51 @@ def _meet_body(
     body: FloatArray,
     k: int,
     low_um: float,
-    rays: tuple[Float32Array, Float32Array, Float32Array, Float32Array],
+    sure_um: tuple[float, float],
+    rays: tuple[Float32Array, Float32Array, Float32Array, Float32Array, FloatArray],
     first: Float32Array,
     whose: IntArray,
 ) -> None:
-    """End rays of a point at a body that they meet above a height, in place."""
-    x_um, y_um, across, up = rays
-    c, s, top = body[_C], body[_S], body[_TOP]
-    for r in range(first.size):
-        best = first[r]
-        if top <= best:
-            continue
-        x, y = x_um[r % x_um.size], y_um[r % x_um.size]
-        dx, dy = across[r], up[r]
-        ray = (
-            c * x + s * y + body[_U], c * y - s * x + body[_V],
-            c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy),
-        )  # fmt: skip
-        met = _top_or_wall(grids, body, max(low_um, best), ray)
-        if met > best:
-            wall = met < top and body[_REFLECTS] > 0
-            first[r], whose[r] = met, k if wall else -1
+    """End rays of a point at a body that they meet above a height, in place.
 
-
-@compiled
-def _top_or_wall(
-    grids: Float32Array,
-    body: FloatArray,
-    low_um: float,
-    ray: tuple[float, float, float, float, float],
-) -> float:
-    """Return the height at which a ray down from above meets a body, um; -inf: none.
-
-    The ray: where it starts in the body's grid, steps a um of height, um sideways.
+    All of them start at least so far outside the body, and inside. One loop, as below.
     """
-    u, v, du, dv, slope = ray
-    first, columns = int(body[_FIRST]), int(body[_COLUMNS])
+    x_um, y_um, across, up, slopes = rays
+    c, s, top = body[_C], body[_S], body[_TOP]
+    start, columns = int(body[_FIRST]), int(body[_COLUMNS])
     ends = columns - _RIM, body[_ROWS] - _RIM
-    z = body[_TOP]
-    d = _between(grids, first, columns, ends, u + z * du, v + z * dv)
-    if d < 0:
-        return float(z)
-    # a distance changes by the way at most
-    last = _between(grids, first, columns, ends, u + low_um * du, v + low_um * dv)
-    if d + last >= (z - low_um) * slope:
-        return -math.inf
-    while z > low_um:
-        step = min(max(d, _WALL_UM) / slope, z - low_um)
-        at = z - step
-        now = _between(grids, first, columns, ends, u + at * du, v + at * dv)
-        if now < 0:
-            return float(z - step * d / (d - now))
-        z, d = at, now
-    return -math.inf
+    away, deep = sure_um[0] / max(abs(top), abs(low_um)), sure_um[1] / abs(top)
+    one = 0 if x_um.size == 1 else 1
+    for r in range(first.size):
+        slope, best = slopes[r], first[r]
+        if top <= best or away >= slope:
+            continue
+        if deep >= slope:
+            first[r], whose[r] = top, -1
+            continue
+        x, y, dx, dy = x_um[r * one], y_um[r * one], across[r], up[r]
+        u, v = c * x + s * y + body[_U], c * y - s * x + body[_V]
+        du, dv = c * dx + s * dy, c * dy - s * dx
+        z, low = top, max(low_um, best)
+        d = _between(grids, start, columns, ends, u + z * du, v + z * dv)
+        if d < 0:
+            first[r], whose[r] = top, -1
+            continue
+        # a distance changes by the way at most
+        last = _between(grids, start, columns, ends, u + low * du, v + low * dv)
+        if d + last >= (z - low) * slope:
+            continue
+        while z > low:
+            step = min(max(d, _WALL_UM) / slope, z - low)
+            at = z - step
+            now = _between(grids, start, columns, ends, u + at * du, v + at * dv)
+            if now < 0:
+                z -= step * d / (d - now)
+                if z > best:
+                    first[r] = z
+                    whose[r] = k if z < top and body[_REFLECTS] > 0 else -1
+                break
+            z, d = at, now
 
 
 @compiled
@@ -257,90 +251,82 @@ def fly(
     """
     off = np.empty(bodies.shape[0])
     for n in range(ends.size):
-        ray = flight[n]
-        if walls[n] >= 0:
-            bounces[n] += _mirror(grids, bodies, walls[n], ray)
+        # one loop over numbers: what is handed to functions or kept in arrays leaves
+        # the registers, and takes half as long again
+        x, y, z, slope = flight[n, 0], flight[n, 1], flight[n, 2], flight[n, 5]
+        across, up, weight = flight[n, 3], flight[n, 4], flight[n, 6]
+        count, end, wall = bounces[n], LOST, walls[n]
+        if wall >= 0:
+            x, y, across, up, into = _mirrored(grids, bodies, wall, (x, y, across, up))
+            if into < 0:
+                count, weight = count + 1, weight * bodies[wall, _REFLECTS]
         for k in range(off.size):
-            off[k] = _distance(grids, bodies, k, ray[0], ray[1])
-        end = LOST
+            off[k] = _distance(grids, bodies, k, x, y)
         for _ in range(_STEPS):
-            if bounces[n] > _BOUNCES or ray[6] <= _FAINT:
+            if count > _BOUNCES or weight <= _FAINT:
                 break
-            before = ray[2]
-            _go_on(bodies, floor_um, off, ray)
-            end, more = _meet(grids, bodies, before, off, ray)
-            bounces[n] += more
-            if end == LOST and ray[6] > 0 and ray[2] <= floor_um + _PASSED_UM:
+            before, away = z, _away(bodies, floor_um, off, z, slope)
+            x, y, z = x + away * across, y + away * up, z - away / slope
+            for k in range(off.size):
+                top, under = bodies[k, _TOP], bodies[k, _UNDER]
+                if before < under:
+                    continue
+                d = off[k] = _distance(grids, bodies, k, x, y)
+                passed = before > top and z <= top + _PASSED_UM
+                if passed and d < 0:
+                    end = k
+                    break
+                if passed or d >= _TOUCH_UM or not under < z < top:
+                    continue
+                nx, ny = _normal(grids, bodies, k, x, y)
+                if across * nx + up * ny >= 0 and d >= -_TOUCH_UM:
+                    continue
+                if bodies[k, _REFLECTS] == 0:
+                    weight = 0.0
+                    break
+                x, y, across, up, into = _mirrored(grids, bodies, k, (x, y, across, up))
+                if into < 0:
+                    count, weight = count + 1, weight * bodies[k, _REFLECTS]
+                off[k] = _TOUCH_UM
+            if end == LOST and weight > 0 and z <= floor_um + _PASSED_UM:
                 end = off.size
             if end != LOST:
                 break
-        ends[n] = end
+        ends[n], bounces[n] = end, count
+        flight[n, 0], flight[n, 1], flight[n, 2] = x, y, z
+        flight[n, 3], flight[n, 4], flight[n, 6] = across, up, weight
 
 
 @compiled
-def _meet(
-    grids: Float32Array,
-    bodies: FloatArray,
-    before_um: float,
-    off: FloatArray,
-    ray: FloatArray,
-) -> tuple[int, int]:
-    """Return on which top a ray ends, and how many walls mirror it, in place.
-
-    A black wall leaves no weight. `before_um` is its height a step before.
-    """
-    mirrors = 0
+def _away(
+    bodies: FloatArray, floor_um: float, off: FloatArray, z_um: float, slope: float
+) -> float:
+    """Return how far a ray meets nothing, or a little, sideways um."""
+    away = (z_um - floor_um) * slope
     for k in range(off.size):
-        top, under = bodies[k, _TOP], bodies[k, _UNDER]
-        if before_um < under:
+        if z_um < bodies[k, _UNDER]:
             continue
-        d = off[k] = _distance(grids, bodies, k, ray[0], ray[1])
-        passed = before_um > top and ray[2] <= top + _PASSED_UM
-        if passed and d < 0:
-            return k, mirrors
-        if passed or d >= _TOUCH_UM or not under < ray[2] < top:
-            continue
-        nx, ny = _normal(grids, bodies, k, ray[0], ray[1])
-        if ray[3] * nx + ray[4] * ny >= 0 and d >= -_TOUCH_UM:
-            continue
-        if bodies[k, _REFLECTS] == 0:
-            ray[6] = 0.0
-            break
-        mirrors += _mirror(grids, bodies, k, ray)
-        off[k] = _TOUCH_UM
-    return LOST, mirrors
-
-
-@compiled
-def _go_on(
-    bodies: FloatArray, floor_um: float, off: FloatArray, ray: FloatArray
-) -> None:
-    """Move a ray as far as it meets nothing, or a little, in place."""
-    z, slope = ray[2], ray[5]
-    away = (z - floor_um) * slope
-    for k in range(off.size):
-        if z < bodies[k, _UNDER]:
-            continue
-        clear, above = off[k], (z - bodies[k, _TOP]) * slope
+        clear, above = off[k], (z_um - bodies[k, _TOP]) * slope
         if above > 0:
             clear = max(above, min(clear, bodies[k, _FAR]))
         away = min(away, max(clear, _LEAST_UM))
-    ray[0] += away * ray[3]
-    ray[1] += away * ray[4]
-    ray[2] -= away / slope
+    return float(away)
 
 
 @compiled
-def _mirror(grids: Float32Array, bodies: FloatArray, k: int, ray: FloatArray) -> int:
-    """Mirror a ray at a body's wall, in place; return 1 unless it leaves it anyway."""
-    nx, ny = _normal(grids, bodies, k, ray[0], ray[1])
-    into = min(ray[3] * nx + ray[4] * ny, 0.0)
-    back = _TOUCH_UM - _distance(grids, bodies, k, ray[0], ray[1])  # onto its outside
-    ray[0] += back * nx
-    ray[1] += back * ny
-    ray[3] -= 2 * into * nx
-    ray[4] -= 2 * into * ny
-    if into == 0:
-        return 0
-    ray[6] *= bodies[k, _REFLECTS]
-    return 1
+def _mirrored(
+    grids: Float32Array,
+    bodies: FloatArray,
+    k: int,
+    ray: tuple[float, float, float, float],
+) -> tuple[float, float, float, float, float]:
+    """Return place and way of a ray after a body's wall, and how it came in.
+
+    0: it leaves the wall anyway.
+    """
+    x, y, across, up = ray
+    nx, ny = _normal(grids, bodies, k, x, y)
+    into = min(across * nx + up * ny, 0.0)
+    back = _TOUCH_UM - _distance(grids, bodies, k, x, y)  # onto its outside
+    x, y = x + back * nx, y + back * ny
+    return x, y, across - 2 * into * nx, up - 2 * into * ny, into

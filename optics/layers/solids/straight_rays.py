@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.distance_field import DistanceField
 
 _APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
@@ -102,26 +102,15 @@ def hides(
     paths = Paths.of(body, rays)
     heights = heights_between(rays, from_um, to_um).astype(np.float32)
     widths = np.array([_width(float(z_um), soft) for z_um in heights])
-    ways = np.float32(abs(to_um - from_um)) * np.hypot(rays.across, rays.up)
+    slopes = np.hypot(rays.across, rays.up)
     least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
-    clear = _clear_points(paths, rays, heights, widths)
+    apart = np.hypot(rays.x_um - rays.x_um[:, :1], rays.y_um - rays.y_um[:, :1])
+    away = paths.field.read(paths.u[:, 0], paths.v[:, 0]) - apart.max(axis=1)
     hiding_loop.least_distances(
-        paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), ways,
-        heights, widths, body.is_sharp, clear, least,
+        paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), slopes,
+        heights, widths, body.is_sharp, away - np.float32(_SURE_UM), least,
     )  # fmt: skip
     return _share(least)
-
-
-def _clear_points(
-    paths: Paths, rays: Rays, heights_um: Float32Array, widths_um: Float32Array
-) -> BoolArray:
-    """Return of which points no ray comes near a body at any height, (points,)."""
-    apart = np.hypot(rays.x_um - rays.x_um[:, :1], rays.y_um - rays.y_um[:, :1])
-    steepest = np.hypot(rays.across, rays.up).max()
-    reach_um = np.abs(heights_um).max() * steepest + widths_um.max() + _SURE_UM
-    away_um = paths.field.read(paths.u[:, 0], paths.v[:, 0])
-    found: BoolArray = away_um >= reach_um + apart.max(axis=1)
-    return found
 
 
 def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:
