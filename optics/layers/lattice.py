@@ -13,7 +13,7 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from microplan.arrays import Float32Array, FloatArray
-from microplan.optics.outline.scanlines import LINES, cells
+from microplan.optics.outline.cell_areas import cells
 from microplan.optics.render.pruned_ifft import fast_length
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -71,16 +71,13 @@ class Lattice:
         )
         return replace(self, window=wide)
 
-    def cells(self, layer: Layer, lines: int = LINES) -> FloatArray:
-        """Return the coverage of the square about each point, (rows, columns), 0..1.
-
-        By so many scan lines a square.
-        """
+    def cells(self, layer: Layer) -> FloatArray:
+        """Return the coverage of the square about each point, (rows, columns), 0..1."""
         x, y = self.corner_um
         half = self.step_um / 2
-        return cells(layer.outline, x - half, y + half, self.step_um, self.shape, lines)
+        return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
 
-    def held_cells(self, layer: Layer, lines: int = LINES) -> Float32Array:
+    def held_cells(self, layer: Layer) -> Float32Array:
         """Return `cells` in single precision, (rows, columns), 0..1, not to be changed.
 
         What was asked for not long ago of this lattice or of one a little larger or
@@ -94,7 +91,7 @@ class Lattice:
             for count in (down + w.rows, right + w.columns)
         )
         even = Window(row=top, column=left, rows=rows, columns=columns)
-        found = _held_cells(layer, replace(self, window=even), lines)
+        found = _held_cells(layer, replace(self, window=even))
         return found[down : down + w.rows, right : right + w.columns]
 
     def read(
@@ -154,8 +151,8 @@ def _blocks(
 
 
 @lru_cache(maxsize=32)
-def _held_cells(layer: Layer, lattice: Lattice, lines: int) -> Float32Array:
-    found = lattice.cells(layer, lines).astype(np.float32)
+def _held_cells(layer: Layer, lattice: Lattice) -> Float32Array:
+    found = lattice.cells(layer).astype(np.float32)
     found.setflags(write=False)
     return found
 

@@ -15,8 +15,8 @@ from scipy.stats import qmc
 from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
 from microplan.optics.layers.layer_edges import LayerFace
 from microplan.optics.layers.rays import sheets
+from microplan.optics.outline.cell_areas import cells
 from microplan.optics.outline.clip import grown
-from microplan.optics.outline.scanlines import cells
 from microplan.optics.transfer.microscope import Microscope
 
 IntArray = npt.NDArray[np.int32]

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from microplan.arrays import BoolArray, Float32Array, FloatArray
-from microplan.optics.outline.scanlines import cells
+from microplan.optics.outline.cell_areas import cells
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 

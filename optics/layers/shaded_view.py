@@ -22,7 +22,6 @@ from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.layers.mirrors.images import Images, image_faces
 from microplan.optics.layers.rays import extent
-from microplan.optics.outline.scanlines import LINES
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -35,7 +34,6 @@ _STEPS = 4  # an octave of distances between points
 # What is blurred by less than so many of the finest points' distances is near focus:
 # taken as sharp, and about its edges on the finest points.
 _NEAR = 4.5
-_LINES = 64  # scan lines of a square there: images must change smoothly in y, too
 _FINER = 2  # times closer are points about edges near focus
 _SHARP = 0.02  # of that distance: a blur that images do not show
 # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
@@ -248,9 +246,8 @@ class ShadedView:
         points = wide(lattice, self.microscope, z_um)
         covers = sends = np.zeros(points.shape, dtype=np.float32)
         is_sharp = self.reach_um(height_um) <= sharp_um
-        near = self.reach_um(height_um) <= _NEAR * 2 * fine_um(self.microscope)
         for number, each in enumerate(() if is_sharp else group):
-            own = points.held_cells(each.layer, _LINES if near else LINES)
+            own = points.held_cells(each.layer)
             sent = each.layer.reflectance * own
             if number == 0:
                 covers, sends = own, sent

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
+from microplan.optics.outline.cell_areas import cells
 from microplan.optics.outline.clip import EdgeArrays, to_edges
 from microplan.optics.outline.outline import Arc, Outline, place
-from microplan.optics.outline.scanlines import cells
 
 STEP_UM = 0.5  # of the grid: a distance errs by half the diagonal, .35 um, at most
 BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more

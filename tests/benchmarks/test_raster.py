@@ -1,4 +1,4 @@
-"""Coverage of pixels against areas, closed forms and a rasteriser by scan lines."""
+"""Coverage of pixels against areas and closed forms."""
 
 import math
 
@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from benchmarks.optics.raster import CHORD_UM, coverage
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
-from microplan.optics.outline.outline import place
-from microplan.optics.outline.scanlines import cells
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Window
 from tests.optics.shapes import disc, gear, microscope, one_layer, polygon, rectangle
@@ -47,19 +45,6 @@ def test_the_sum_is_the_signed_area(points: list[tuple[float, float]]) -> None:
     shape = polygon(points)
     found = coverage(shape, optics).sum() * optics.um_per_px**2
     assert found == pytest.approx(shape.area_um2, abs=1e-8)
-
-
-def test_it_meets_scan_lines() -> None:
-    optics = microscope()
-    p = optics.um_per_px
-    shape = place(gear(), 3.0, -2.0, 0.1)
-    left, top = -80 * p, 60 * p
-    # a scan line each 64th of a pixel is exact along it; across it an edge ends within
-    # half a line at either side
-    fine = cells(shape, left, top, p / 8, (960, 1280))
-    expected = fine.reshape(120, 8, 160, 8).mean(axis=(1, 3))
-    np.testing.assert_allclose(coverage(shape, optics), expected, rtol=0, atol=2 / 64)
-    assert np.abs(coverage(shape, optics) - expected).mean() < 1e-4
 
 
 @pytest.mark.parametrize("chord_um", [1e-3, 0.1])

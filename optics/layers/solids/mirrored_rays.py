@@ -175,7 +175,7 @@ def first_met(
 
     Rays of N points and M slopes that are none of `some`, (N, M), meet no wall.
     """
-    from microplan.optics.layers.solids import ray_loops  # loads a compiler: walls only
+    from microplan.optics.layers.solids import ray_loops  # loads a compiler
 
     shape = (rays.x_um.shape[0], rays.across.shape[1])
     first, whose = np.zeros(shape, dtype=np.float32), np.empty(shape, dtype=np.intp)

@@ -223,7 +223,7 @@ def _meet_body(
 
 
 @compiled
-def fly(
+def fly(  # noqa: C901 - one loop: see below
     grids: Float32Array,
     bodies: FloatArray,
     floor_um: float,

@@ -8,7 +8,7 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from microplan.optics.layers.lattice import Lattice, blur
-from microplan.optics.outline.scanlines import CHORD_UM
+from microplan.optics.outline.cell_areas import CHORD_UM
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.models import transfer
 from tests.optics.shapes import gear, microscope

@@ -13,7 +13,6 @@ from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.rays import slopes
 from microplan.optics.oracle import Oracle, oracle_image
 from microplan.optics.outline.outline import Outline
-from microplan.optics.outline.scanlines import cells
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -43,15 +42,6 @@ def halves(gap_um: float, back_um: float, front_um: float) -> Scene:
     """Return two plates that leave a gap between them, seen from above."""
     back = rectangle(-300, -300, -gap_um / 2, 300)
     return pair(back, rectangle(gap_um / 2, -300, 300, 300), back_um, front_um)
-
-
-def test_cells_hold_the_outlines_area() -> None:
-    for body in (rectangle(-3.3, -2.2, 5.7, 3.45), disc(4.0, (1.0, 0.5))):
-        found = cells(body, -8.0, 8.0, 0.25, (64, 64))
-        # the upper and the lower end are off by half a scan line, 1 / 16 of a cell
-        assert abs(found.sum() * 0.25**2 - body.area_um2) < 9 * 0.25 / 8
-        assert found.min() >= 0
-        assert found.max() <= 1
 
 
 def test_rays_fill_the_pupil_evenly_by_its_area() -> None:

@@ -1,16 +1,15 @@
-"""Coverage of fine cells by an outline, by scan lines."""
+"""Exact coverage of fine cells by an outline, arcs as chords."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 
 CHORD_UM = 1e-3  # sagitta of the chords that replace arcs
-LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
+_ROUNDING = 1e-12  # of a cell: so little of sums is nothing, or all
 
 
 def cells(
@@ -19,7 +18,6 @@ def cells(
     top_um: float,
     step_um: float,
     shape: tuple[int, int],
-    lines: int = LINES,
 ) -> FloatArray:
     """Return the covered share of square cells.
 
@@ -31,46 +29,26 @@ def cells(
         Side of a cell.
     shape : (rows, columns)
         Cells wanted; rows go down.
-    lines : int
-        Scan lines a cell.
 
     Returns
     -------
     (rows, columns) float64 array
         0..1, rings counted by their winding number.
     """
+    from microplan.optics.outline import area_loop  # loads a compiler
+
     rows, columns = shape
     right, bottom = left_um + columns * step_um, top_um - rows * step_um
     box = (left_um - step_um, bottom - step_um, right + step_um, top_um + step_um)
-    x0, y0, x1, y1 = _lines(clip(outline, box)).T
-    fine = step_um / lines
-    # a scan line k lies at height top - (k + 1/2) fine, in units of `fine` from the top
-    a, b = (top_um - y0) / fine - 0.5, (top_um - y1) / fine - 0.5
-    low = np.ceil(np.minimum(a, b)).astype(np.intp)
-    count = np.maximum(np.ceil(np.maximum(a, b)).astype(np.intp) - low, 0)
-    edge = np.repeat(np.arange(a.size), count)
-    first = np.cumsum(count) - count
-    line = np.arange(edge.size) - first[edge] + low[edge]
-    share = (line - a[edge]) / (b - a)[edge]
-    x = (x0[edge] + share * (x1 - x0)[edge] - left_um) / step_um
-    sign = np.where(b > a, 1.0, -1.0)[edge]  # down the frame: the inside lies right
-    keep = (line >= 0) & (line < rows * lines)
-    return _filled(x[keep], line[keep] // lines, sign[keep] / lines, shape)
-
-
-def _filled(
-    x: FloatArray, row: npt.NDArray[np.intp], sign: FloatArray, shape: tuple[int, int]
-) -> FloatArray:
-    """Sum up what lies right of crossings at `x`, in cells."""
-    rows, columns = shape
-    x = np.clip(x, 0.0, columns)
-    column = np.minimum(x.astype(np.intp), columns - 1)
-    here = sign * (column + 1 - x)
-    at = row * (columns + 1) + column
-    size = rows * (columns + 1)
-    steps = np.bincount(at, here, size) + np.bincount(at + 1, sign - here, size)
-    covered: FloatArray = np.cumsum(steps.reshape(rows, columns + 1), axis=1)
-    return np.clip(covered[:, :columns], 0.0, 1.0)
+    corner = np.array([left_um, top_um] * 2)
+    down = np.array([1.0, -1.0] * 2) / step_um
+    ends = (_lines(clip(outline, box)) - corner) * down
+    steps = np.zeros((rows, columns + area_loop.MORE))
+    area_loop.add_steps(ends, steps)
+    covered: FloatArray = np.cumsum(steps, axis=1)[:, 1 : columns + 1]
+    covered -= _ROUNDING
+    covered /= 1 - 2 * _ROUNDING
+    return np.clip(covered, 0.0, 1.0)
 
 
 def _lines(edges: EdgeArrays) -> FloatArray:
