@@ -177,13 +177,15 @@ def first_met(
     """
     from microplan.optics.layers.solids import ray_loops  # loads a compiler
 
-    shape = (rays.x_um.shape[0], rays.across.shape[1])
-    first, whose = np.zeros(shape, dtype=np.float32), np.empty(shape, dtype=np.intp)
+    (across,), (up,), (x, y) = rays.across, rays.up, (rays.x_um, rays.y_um)
+    first = np.full((x.shape[0], across.size), -np.inf, dtype=np.float32)
     if some is not None:
         first[~some] = np.inf
+    whose = np.full(first.shape, -1, dtype=np.intp)
+    slopes = np.hypot(across.astype(np.float64), up.astype(np.float64))
     ray_loops.first_met(
-        *ray_loops.packed(bodies), floor_um, rays.x_um, rays.y_um,
-        rays.across[0], rays.up[0], first, whose,
+        *ray_loops.packed(bodies), floor_um, x, y, across, up, slopes, rays.apart_um,
+        first, whose,
     )  # fmt: skip
     return FirstMet(z_um=first, walls=whose)
 

@@ -118,6 +118,8 @@ def first_met(
     y_um: Float32Array,
     across: Float32Array,
     up: Float32Array,
+    slopes: FloatArray,
+    wide_um: Float32Array,
     first: Float32Array,
     whose: IntArray,
 ) -> None:
@@ -134,19 +136,19 @@ def first_met(
     x_um, y_um : (points, 1) or (points, slopes) float32 array
         Where rays start, at height 0.
     across, up : (slopes,) float32 array
-        Sideways a um of height.
+        Sideways a um of height, in x and in y.
+    slopes : (slopes,) float64 array
+        Their lengths.
+    wide_um : (points,) float32 array
+        How far from a point's first ray the others start at most.
     first : (points, slopes) float32 array, in and out
-        Heights, um; -inf where they meet none. Inf leaves a ray out.
-    whose : (points, slopes) int array, out
-        Body; -1 where it is no mirroring wall.
+        Heights, um; -inf before, and where they meet none. Inf leaves a ray out.
+    whose : (points, slopes) int array, in and out
+        Body; -1 before, and where it is no mirroring wall.
     """
-    first[:] = np.where(first == np.inf, np.inf, -np.inf)
-    whose[:] = -1
-    slopes = np.hypot(across.astype(np.float64), up.astype(np.float64))
     steepest = slopes.max()
     for p in range(first.shape[0]):
-        x, y = x_um[p, 0], y_um[p, 0]
-        wide = np.sqrt(np.max((x_um[p] - x) ** 2 + (y_um[p] - y) ** 2)) + _SURE_UM
+        x, y, wide = x_um[p, 0], y_um[p, 0], wide_um[p] + _SURE_UM
         # the highest body is the last as a rule: what it stops meets no other
         for k in range(bodies.shape[0] - 1, -1, -1):
             top, low = bodies[k, _TOP], max(bodies[k, _UNDER], floor_um)

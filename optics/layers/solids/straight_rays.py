@@ -41,6 +41,13 @@ class Rays:
     across: Float32Array  # (1, slopes): sideways a um of height
     up: Float32Array
 
+    @property
+    def apart_um(self) -> Float32Array:
+        """Return how far from its first ray those of a point start, (points,)."""
+        x, y = self.x_um - self.x_um[:, :1], self.y_um - self.y_um[:, :1]
+        found: Float32Array = np.hypot(x, y).max(axis=1)
+        return found
+
     def at(self, z_um: float) -> tuple[Float32Array, Float32Array]:
         """Return where rays pass a height above the plane, (points, slopes) um."""
         return (
@@ -104,8 +111,7 @@ def hides(
     widths = np.array([_width(float(z_um), soft) for z_um in heights])
     slopes = np.hypot(rays.across, rays.up)
     least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
-    apart = np.hypot(rays.x_um - rays.x_um[:, :1], rays.y_um - rays.y_um[:, :1])
-    away = paths.field.read(paths.u[:, 0], paths.v[:, 0]) - apart.max(axis=1)
+    away = paths.field.read(paths.u[:, 0], paths.v[:, 0]) - rays.apart_um
     hiding_loop.least_distances(
         paths.field.values, (paths.u, paths.v), (paths.du, paths.dv), slopes,
         heights, widths, body.is_sharp, away - np.float32(_SURE_UM), least,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from microplan.optics.layers.solids import ray_loops
+from microplan.optics.layers.solids import mirrored_rays
 from microplan.optics.layers.solids.straight_rays import (
     Rays,
     ThickBody,
@@ -22,7 +21,6 @@ from tests.optics.shapes import disc
 AREA = (-60.0, -60.0, 60.0, 60.0)
 RADIUS_UM, AT = 20.0, (3.0, -2.0)
 SOFT = 0.02
-LEFT_OUT = math.inf
 
 
 def post(top_um: float, under_um: float, *, is_sharp: bool = False) -> ThickBody:
@@ -42,14 +40,13 @@ def drawn(count: int = 60) -> Rays:
 
 
 def first_met(
-    bodies: list[ThickBody], rays: Rays, floor_um: float, first: np.ndarray
+    bodies: list[ThickBody],
+    rays: Rays,
+    floor_um: float,
+    some: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    whose = np.empty(first.shape, dtype=np.intp)
-    ray_loops.first_met(
-        *ray_loops.packed(bodies), floor_um, rays.x_um, rays.y_um,
-        rays.across[0], rays.up[0], first, whose,
-    )  # fmt: skip
-    return first, whose
+    met = mirrored_rays.first_met(bodies, floor_um, rays, some)
+    return met.z_um, met.walls
 
 
 def cylinder(rays: Rays, top_um: float, low_um: float) -> np.ndarray:
@@ -74,9 +71,7 @@ def shape(rays: Rays) -> tuple[int, int]:
 def test_rays_meet_a_cylinder_where_geometry_says(floor_um: float) -> None:
     """To a grid's half step over the slope; grazing ones aside."""
     rays, top, under = drawn(), 60.0, -50.0
-    first, whose = first_met(
-        [post(top, under)], rays, floor_um, np.zeros(shape(rays), dtype=np.float32)
-    )
+    first, whose = first_met([post(top, under)], rays, floor_um)
     true = cylinder(rays, top, max(under, floor_um))
     both = np.isfinite(first) & np.isfinite(true)
     assert np.mean(np.isfinite(first) == np.isfinite(true)) > 0.98
@@ -89,12 +84,9 @@ def test_rays_meet_a_cylinder_where_geometry_says(floor_um: float) -> None:
 
 def test_rays_that_are_left_out_meet_nothing_and_change_no_other() -> None:
     rays, bodies = drawn(), [post(-20.0, -50.0), post(60.0, 0.0)]
-    every, all_whose = first_met(
-        bodies, rays, -60.0, np.zeros(shape(rays), dtype=np.float32)
-    )
+    every, all_whose = first_met(bodies, rays, -60.0)
     out = np.random.default_rng(4).random(shape(rays)) < 0.5
-    given = np.where(out, LEFT_OUT, 0.0).astype(np.float32)
-    first, whose = first_met(bodies, rays, -60.0, given)
+    first, whose = first_met(bodies, rays, -60.0, ~out)
     assert (whose[out] == -1).all()
     assert (whose[~out] == all_whose[~out]).all()
     assert (first[~out] == every[~out]).all()
@@ -105,14 +97,10 @@ def test_points_all_of_whose_rays_pass_or_end_on_top_are_as_others() -> None:
     rng = np.random.default_rng(6)
     bodies = [post(-20.0, -50.0), post(8.0, -15.0), post(12.0, 10.0)]
     rays = rays_of(rng.uniform(-55, 55, (80, 2)), rng.uniform(-0.4, 0.4, (30, 2)))
-    together, whose = first_met(
-        bodies, rays, -60.0, np.zeros(shape(rays), dtype=np.float32)
-    )
+    together, whose = first_met(bodies, rays, -60.0)
     for r in range(rays.across.shape[1]):
         one = replace(rays, across=rays.across[:, r : r + 1], up=rays.up[:, r : r + 1])
-        alone, its = first_met(
-            bodies, one, -60.0, np.zeros(shape(one), dtype=np.float32)
-        )
+        alone, its = first_met(bodies, one, -60.0)
         assert (alone[:, 0] == together[:, r]).all()
         assert (its[:, 0] == whose[:, r]).all()
     assert (together[whose == -1] == 12.0).mean() > 0.05
