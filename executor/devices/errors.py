@@ -31,7 +31,7 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP821": ("a measurement scored too low", FAILED),
     "MP822": ("a target was found too far from where it was expected", FAILED),
     "MP823": ("a target was found turned too far", FAILED),
-    "MP824": ("an angle is needed and was not measured", FAILED),
+    "MP824": ("an angle is needed and is not known", FAILED),
     "MP825": ("a measurement is too uncertain", FAILED),
     "MP826": ("the features of one look disagree", FAILED),
     "MP830": ("the alignment did not reach its tolerance", FAILED),

@@ -8,14 +8,15 @@ the axes carry them along.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from microplan.arrays import Point
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.rest_angle import Squeezed, squeezed
 from microplan.featuresel.routines.fusion import Believed
-from microplan.schemas.plan import AxesName, Belief, FeaturePlace
+from microplan.schemas.plan import AxesName, Belief, FeaturePlace, RestAngle
 from microplan.schemas.pose import Pose
 
 ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than pi
@@ -131,14 +132,14 @@ class Beliefs:
 
     def knows_angle(self, name: str) -> bool:
         """Return whether anything is known of the owner's angle."""
-        return self._owners[self.owner(name)].sigma_theta_rad < ANY_ANGLE_RAD
+        return self._sigma_rad(name) < ANY_ANGLE_RAD
 
     def angle(self, name: str, readings: Readings) -> Believed | None:
         """Return the owner's angle in the world, None if nothing is known of it."""
         if not self.knows_angle(name):
             return None
-        sigma = self._owners[self.owner(name)].sigma_theta_rad
-        return Believed(theta_rad=self.world(name, readings).theta_rad, sigma_rad=sigma)
+        theta_rad = self.world(name, readings).theta_rad
+        return Believed(theta_rad=theta_rad, sigma_rad=self._sigma_rad(name))
 
     def update(
         self,
@@ -167,18 +168,40 @@ class Beliefs:
                 self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
             )
 
-    def grasp(
-        self, part: str, tool: str, readings: Readings, across_um: float = 0.0
-    ) -> None:
-        """Hand a part to the tool: centred across the jaws, y and angle kept.
+    def squeezed(
+        self, part: str, tool: str, readings: Readings, rests: Sequence[RestAngle]
+    ) -> Squeezed | None:
+        """Return where closing jaws turn a part, None if that is not known.
 
-        `across_um` is where its origin is then, from the jaws' middle.
+        They turn none that has no rest angles; from an unknown angle nothing follows.
+        """
+        if not (rests and self.knows_angle(part) and self.knows_angle(tool)):
+            return None
+        inside = self._inside(part, tool, readings)
+        sigma_rad = math.hypot(self._sigma_rad(part), self._sigma_rad(tool))
+        return squeezed(rests, inside.theta_rad, sigma_rad)
+
+    def grasp(
+        self,
+        part: str,
+        tool: str,
+        readings: Readings,
+        across_um: float = 0.0,
+        rests: Sequence[RestAngle] = (),
+    ) -> None:
+        """Hand a part to the tool: centred across the jaws, at its rest angle, y kept.
+
+        `across_um` is where its origin is, from the jaws' middle, if no rest angle is
+        known; its angle is kept then.
         """
         owner, holder = self.owner(part), self.owner(tool)
-        grip = self.world(holder, readings)
-        inside = grip.inverse().compose(self.world(owner, readings))
-        pose = grip.compose(replace(inside, x_um=across_um))
-        self._anchor(owner, "robot", pose, readings)
+        found = self.squeezed(part, tool, readings, rests)
+        pose = replace(self._inside(part, tool, readings), x_um=across_um)
+        if found is not None:
+            pose = replace(pose, x_um=found.across_um, theta_rad=found.theta_rad)
+            self._widen(owner, math.hypot(found.sigma_rad, self._sigma_rad(holder)))
+        world = self.world(holder, readings).compose(pose)
+        self._anchor(owner, "robot", world, readings)
         self._held[owner] = holder
 
     def release(self, part: str, readings: Readings) -> None:
@@ -191,6 +214,25 @@ class Beliefs:
         """Return the parts that `tool` is thought to hold."""
         holder = self.owner(tool)
         return tuple(sorted(p for p, t in self._held.items() if t == holder))
+
+    def _inside(self, part: str, tool: str, readings: Readings) -> Pose:
+        """Return the pose of a part's owner in the frame of a tool."""
+        grip = self.world(self.owner(tool), readings)
+        return grip.inverse().compose(self.world(self.owner(part), readings))
+
+    def _sigma_rad(self, name: str) -> float:
+        """Return the standard deviation of the owner's angle; pi: any."""
+        return self._owners[self.owner(name)].sigma_theta_rad
+
+    def _widen(self, owner: str, sigma_rad: float) -> None:
+        """Raise the standard deviation of an angle to at least `sigma_rad`.
+
+        It never falls: looks are tried about an angle that is not known so well, and
+        how flat a part is fabricated is not stated.
+        """
+        belief = self._owners[owner]
+        wider = replace(belief, sigma_theta_rad=max(belief.sigma_theta_rad, sigma_rad))
+        self._owners[owner] = wider
 
     def _offset(self, name: str) -> Point:
         """Return a name's position in its owner's frame, um."""

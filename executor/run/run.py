@@ -10,6 +10,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import Phase
 from microplan.executor.record.listing import action_line, step_lines
 from microplan.executor.record.outcome import RunResult, StepResult
+from microplan.executor.run.grasp import grasp
 from microplan.executor.run.measure_target import look_near
 from microplan.executor.run.probe import look_probed
 from microplan.executor.run.run_context import Rig
@@ -213,10 +214,7 @@ def _act(rig: Rig, step: Step) -> StepResult:
         case AlignAction():
             return _align(rig, step, action)
         case GraspAction():
-            rig.grip(action.opening_um)
-            rig.beliefs.grasp(
-                action.target, action.tool, rig.readings(), action.across_um
-            )
+            grasp(rig, step, action)
         case InsertAction():
             insert(rig, action, step.conditions.retreat)
         case ReleaseAction():

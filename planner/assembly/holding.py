@@ -20,14 +20,16 @@ from microplan.planner.assembly.assembly import (
     with_part,
 )
 from microplan.planner.assembly.resting import report_resting
-from microplan.planner.assembly.settling import settling
+from microplan.planner.assembly.settling import Settling, settling
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.swept_volume import SIGMAS, report_jaws
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
+from microplan.schemas.plan import RestAngle
 from microplan.schemas.pose import Pose
 
-UNSURE = 1e-3  # probability of settling at another angle that is left unsaid
+UNSURE = 1e-3  # probability of settling at another angle that is not refused
+PLACES = 6  # decimals of rest angles, um and rad: what sums leave below means nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +81,18 @@ def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
     """Return the middle of an outline's extents once it is rotated, um."""
     x0, y0, x1, y1 = hull(place(outline, 0.0, 0.0, turn_rad)).bounds
     return ((x0 + x1) / 2, (y0 + y1) / 2)
+
+
+def rests_of(outline: Outline) -> tuple[RestAngle, ...]:
+    """Return all angles at which a part may lie flat between jaws, by rising angle."""
+    found = []
+    for turn in squeeze_minima_rad(outline):
+        across_um = round(-_middle_um(outline, turn)[0], PLACES)
+        for sign, more in ((1, 0.0), (-1, math.pi)):  # half a turn on, it is mirrored
+            theta_rad = round(turn + more, PLACES) % round(math.tau, PLACES)
+            rest = RestAngle(theta_rad=theta_rad, across_um=sign * across_um + 0.0)
+            found.append(rest)
+    return tuple(sorted(found, key=lambda rest: rest.theta_rad))
 
 
 def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
@@ -173,24 +187,41 @@ def _check_turn(
 ) -> None:
     """Report a part whose angle is needed later, and which jaws may turn either way."""
     name = owner_of(step.target or "")
-    needs = [s for s in task.steps if _needs_angle(s, name)]
-    minima = squeeze_minima_rad(task.parts[name].outline)
-    if not needs or not minima:
+    found = _needed_turn(task, state, step, between)
+    if found is None or found.elsewhere[0] <= UNSURE:
         return
-    sigma_rad = min(_sigma_before_rad(task, state, name), math.pi)
-    found = settling(minima, between.local.theta_rad, sigma_rad)
     chance, other_rad = found.elsewhere
-    if chance <= UNSURE:
-        return
+    later = next(s for s in task.steps if _needs_angle(s, name))
     here, there = (math.degrees(t) for t in (found.nearest_rad, other_rad))
     report.refuse(
         "MP310",
         step.where,
         f"step {step.id!r}: closing jaws turn {name} to {here:.4g} deg, or, with "
         f"probability {chance:.2g}, to another angle, such as {there:.4g} deg; "
-        f"{needs[0].id!r} needs its angle",
+        f"{later.id!r} needs its angle",
         f"bring it in nearer to {here:.4g} deg, or with a smaller sigma_theta_deg",
     )
+
+
+def turn_miss(task: Task, state: State, step: TaskStep) -> float | None:
+    """Return P(jaws turn a part to another angle than planned).
+
+    None if they turn it to none, or no step needs its angle.
+    """
+    found = _needed_turn(task, state, step, between_jaws(task, state, step))
+    return None if found is None else found.elsewhere[0]
+
+
+def _needed_turn(
+    task: Task, state: State, step: TaskStep, between: Between
+) -> Settling | None:
+    """Return where jaws turn a part whose angle a step needs, None for another."""
+    name = owner_of(step.target or "")
+    minima = squeeze_minima_rad(task.parts[name].outline)
+    if not minima or not any(_needs_angle(s, name) for s in task.steps):
+        return None
+    sigma_rad = min(_sigma_before_rad(task, state, name), math.pi)
+    return settling(minima, between.local.theta_rad, sigma_rad)
 
 
 def _needs_angle(step: TaskStep, name: str) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import Carrier, State, locate_place
-from microplan.planner.assembly.holding import between_jaws
+from microplan.planner.assembly.holding import between_jaws, turn_miss
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.probability.fit_probability import RoundFit
@@ -187,17 +187,21 @@ def _scale_row(
 
 
 def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
-    """Return the budget of a grasp: the clearance of the part between the jaws."""
+    """Return the budget of a grasp: the clearance of the part between the jaws.
+
+    P also counts that they turn it to another angle than later steps are planned for.
+    """
     clearance = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
     total = math.hypot(clearance.sigma_um, grip.sigma_xy_um)
+    between = _inside(clearance.half_room_um, clearance.offset_um, total)
     return Budget(
         rows=(
             _row("place of the part", clearance.sigma_um, "alignment before"),
             _row("place of the jaws", grip.sigma_xy_um, "workcell"),
         ),
         limit_um=clearance.room_um,
-        success_probability=_inside(clearance.half_room_um, clearance.offset_um, total),
+        success_probability=between * (1 - (turn_miss(task, state, step) or 0.0)),
         advice="",
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from microplan.planner.assembly.assembly import locate_place, owner_of
-from microplan.planner.assembly.holding import between_jaws
+from microplan.planner.assembly.holding import between_jaws, turn_miss
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.mechanics.adhesion import (
@@ -58,6 +58,7 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
         lift_un=lift,
         verdict=verdict,
         reason=reason,
+        theta_miss_probability=turn_miss(task, state, step),
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from microplan.planner.assembly.assembly import locate_place, owner_of
+from microplan.planner.assembly.holding import rests_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import axis_move
 from microplan.planner.looks.look_record import CompiledLook
@@ -39,10 +40,13 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
             path=here.path,
         )
     if step.verb == "grasp":
-        opening = step.opening_um or 0.0
-        held = here.after.parts[owner_of(target)].pose
+        part = owner_of(target)
         return p.GraspAction(
-            target=owner_of(target), tool=tool, opening_um=opening, across_um=held.x_um
+            target=part,
+            tool=tool,
+            opening_um=step.opening_um or 0.0,
+            across_um=here.after.parts[part].pose.x_um,
+            rests=rests_of(task.parts[part].outline),
         )
     if step.verb == "insert":
         moves = tuple(axis_move(m.axes, m.to, step.speed_um_per_s) for m in step.move)

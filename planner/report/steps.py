@@ -195,8 +195,8 @@ def _capture_um(fit: FitVerdict) -> float:
 
 
 def _grasp(grasp: GraspVerdict) -> list[tuple[str, Node]]:
-    force = grasp.force_un
-    return [
+    force, missed = grasp.force_un, grasp.theta_miss_probability
+    rows: list[tuple[str, Node]] = [
         ("jaws open to", um(grasp.opening_um)),
         ("part between them", um(grasp.width_um)),
         ("room on the narrow side",
@@ -204,6 +204,9 @@ def _grasp(grasp: GraspVerdict) -> list[tuple[str, Node]]:
         ("squeezed by", "not known" if force is None else _forces_un(force)),
         ("lifting takes", _forces_un(grasp.lift_un)),
     ]  # fmt: skip
+    if missed is not None:
+        rows.append(("P(turned to the planned angle)", chance(1 - missed)))
+    return rows
 
 
 def _release(release: ReleaseVerdict) -> list[tuple[str, Node]]:

@@ -21,6 +21,7 @@ from microplan.schemas.plan.actions import (
     LocateAction,
     MoveAction,
     ReleaseAction,
+    RestAngle,
     VerifyAction,
 )
 from microplan.schemas.plan.bounds import BiasRow, StepBound, SuccessBound
@@ -112,6 +113,7 @@ __all__ = [
     "ReleaseAction",
     "Repeatability",
     "Requirements",
+    "RestAngle",
     "RoutineUse",
     "SceneRecord",
     "Score",

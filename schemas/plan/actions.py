@@ -55,6 +55,14 @@ class AlignAction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RestAngle:
+    """How a part may lie flat between jaws."""
+
+    theta_rad: float  # of the part in the tool's frame, 0 to 2 pi
+    across_um: float  # as that of the action, there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GraspAction:
     """Close the jaws of `tool` on `target`."""
 
@@ -63,6 +71,7 @@ class GraspAction:
     tool: str  # with what
     opening_um: float  # of the jaws at the end
     across_um: float = 0.0  # of the part's origin, from the middle of the closed jaws
+    rests: tuple[RestAngle, ...] = ()  # added after 2.5; (): it keeps its angle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -56,7 +56,7 @@ def check_version(data: Any) -> None:
         raise CodecError(f"format_version {error}") from error
 
 
-FORMAT_VERSION = "2.5"
+FORMAT_VERSION = "2.6"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

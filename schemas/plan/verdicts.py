@@ -183,6 +183,8 @@ class GraspVerdict:
     lift_un: tuple[float, float]  # weight, and what it lies on holding it
     verdict: Literal["holds", "may slip", "will slip", "unknown"]  # whether it holds
     reason: str  # why
+    # of another angle than planned, in P(success); None: not needed. Added after 2.5
+    theta_miss_probability: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -93,6 +93,7 @@ class Run:
     cell: Cell
     recorder: Recorder
     events: list[dict[str, Any]]
+    beliefs: Beliefs
 
 
 def run(
@@ -123,4 +124,10 @@ def run(
     )
     result = run_plan(rig)
     events = [json.loads(line) for line in log.getvalue().splitlines()]
-    return Run(result=result, cell=cell, recorder=recorder, events=events)
+    return Run(
+        result=result,
+        cell=cell,
+        recorder=recorder,
+        events=events,
+        beliefs=rig.beliefs,
+    )

@@ -8,7 +8,7 @@ import pytest
 
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.motion.beliefs import Beliefs, Readings, stage_pose
-from microplan.schemas.plan import Belief, FeaturePlace
+from microplan.schemas.plan import Belief, FeaturePlace, RestAngle
 from microplan.schemas.pose import Pose
 
 AXIS = (10.0, -20.0)
@@ -110,6 +110,34 @@ def test_a_grasped_part_is_centred_across_the_jaws_and_follows_the_robot() -> No
     later = known.world("gear", readings(reading(), reading(10.0, 20.0)))
     assert (later.x_um, later.y_um) == pytest.approx((12.0, 25.0))
     assert known.held_by("tweezers") == ("gear",)
+
+
+RESTS = tuple(
+    RestAngle(theta_rad=k * math.pi / 2, across_um=(-7.0, 2.0, 7.0, -2.0)[k])
+    for k in range(4)
+)
+
+
+def test_a_grasped_part_is_believed_at_its_rest_angle_to_the_jaws() -> None:
+    """The jaws are at .4, the part at 2.05: .08 off a quarter turn between them."""
+    known, now = beliefs(), readings(reading(-600.0), reading(0.0, 0.0))
+    known.update("tweezers.grip", now, 2.0, 1.0, 0.4, 1e-3)
+    known.update("gear", now, 3.0, 4.0, 2.05, 2e-4)
+    before = known.world("tweezers", now).inverse().compose(known.world("gear", now))
+    known.grasp("gear", "tweezers", now, 5.0, RESTS)
+    inside = known.world("tweezers", now).inverse().compose(known.world("gear", now))
+    assert inside.theta_rad == pytest.approx(math.pi / 2)
+    assert (inside.x_um, inside.y_um) == pytest.approx((2.0, before.y_um))
+    assert known.belief("gear").sigma_theta_rad == pytest.approx(1e-3)  # of the jaws
+
+
+def test_an_angle_that_was_not_measured_is_known_no_better_between_jaws() -> None:
+    """From .3 with a sigma of .1 another than 0 is beyond four sigmas."""
+    known, now = beliefs(), readings(reading(-600.0))
+    known.update("tweezers", now, 0.0, 0.0, 0.0, 1e-3)
+    known.grasp("gear", "tweezers", now, 0.0, RESTS)
+    assert known.world("gear", now).theta_rad == pytest.approx(0.0, abs=1e-12)
+    assert known.belief("gear").sigma_theta_rad == pytest.approx(0.1)
 
 
 def test_a_released_part_stays_on_the_stage() -> None:
