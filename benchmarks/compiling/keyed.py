@@ -162,8 +162,8 @@ def _compiled(
     options = ["--preset", "fast", "--no-cache", "--jobs", "1", "-o", str(out)]
     main(["compile", str(task), *options])
     plan = parse_plan((out / "plan.json").read_text("utf-8"))
-    feasible = plan.status == "feasible"
-    return plan, feasible and perform(out, folder / f"{index}.runs", index).seated
+    feasible, runs = plan.status == "feasible", folder / f"{index}.runs"
+    return plan, feasible and perform(out, runs, index, "solid").seated
 
 
 def measure(options: Options) -> Iterable[Figure]:
