@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy import optimize
@@ -186,27 +187,54 @@ def _slope(job: Insertion, key: str, size_um: float) -> float:
 
 def largest_um(job: Insertion, key: str, size_um: float, goal: float) -> float | None:
     """Return the largest size of a term that gives the goal, None if 0 does not."""
+    job = _roughly(job)
 
+    @cache
     def spare(size: float) -> float:
         return _spare(job.scaled(key, size / size_um), goal)
 
     if spare(0.0) < 0:
         return None
     most = MOST_RADII * max(job.fit.capture_um, size_um)
-    return most if spare(most) >= 0 else edge(spare, 0.0, most)
+    low, high = _around(job, spare, size_um, most)
+    return high if spare(high) >= 0 else edge(spare, low, high)
+
+
+def _roughly(job: Insertion) -> Insertion:
+    """Return an insertion whose probability is as close as a root asks for."""
+    if not isinstance(job.fit, OutlineFit):
+        return job
+    return replace(job, fit=replace(job.fit, close=SHARP))
+
+
+def _around(
+    job: Insertion, spare: Callable[[float], float], start: float, most: float
+) -> tuple[float, float]:
+    """Return ends, of 0..most, between which `spare` falls below 0, if it does.
+
+    Outlines are tried from `start` on, by doubling: what is far off takes them longest.
+    """
+    if not isinstance(job.fit, OutlineFit):
+        return 0.0, most
+    low, high = 0.0, min(max(start, SHARP * most), most)
+    while high < most and spare(high) >= 0:
+        low, high = high, min(2 * high, most)
+    return low, high
 
 
 def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
     """Return the least widening of the hole that gives the goal, if any does."""
-    clearance = 2 * job.fit.capture_um
+    clearance, rough = 2 * job.fit.capture_um, _roughly(job)
 
+    @cache
     def short(wider: float) -> float:
-        return -_spare(job.widened(wider), goal)
+        return -_spare(rough.widened(wider), goal)
 
     most = MOST_RADII * (abs(clearance) + 2 * max(job.rest.principal[1], SHARP))
-    if short(most) > 0:
+    low, high = _around(job, short, clearance / 4, most)
+    if short(high) > 0:
         return []
-    wider = edge(short, 0.0, most)
+    wider = edge(short, low, high)
     wider += SHARP * wider  # the edge is found from below
     base = max(clearance, SHARP * wider)
     return [
@@ -220,13 +248,15 @@ def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
 
 def _all_finer(job: Insertion, goal: float) -> list[Change]:
     """Return by how much all terms together must shrink, if that gives the goal."""
+    rough = _roughly(job)
 
+    @cache
     def spare(factor: float) -> float:
-        return _spare(job.scaled(ALL, factor), goal)
+        return _spare(rough.scaled(ALL, factor), goal)
 
     if spare(0.0) < 0:
         return []
-    factor = edge(spare, 0.0, 1.0)
+    factor = edge(spare, *_around(job, spare, 0.5, 1.0))
     if factor <= 0:
         return []
     return [
@@ -260,8 +290,8 @@ def edge(spare: Callable[[float], float], low: float, high: float) -> float:
     """
     if spare(high) >= 0:
         return high
-    nothing = low + SHARP**3 * (high - low)  # an edge closer to `low` is there
+    nothing = SHARP**3 * (high - low)  # an edge closer to `low` is there
     found = float(optimize.brentq(spare, low, high, xtol=nothing, rtol=SHARP / 4))
-    while found > nothing and spare(found) < 0:
+    while found > low + nothing and spare(found) < 0:
         found *= 1 - SHARP / 2
-    return found if found > nothing else low
+    return found if found > low + nothing else low

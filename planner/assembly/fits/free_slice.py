@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray
 from microplan.planner.assembly.fits.convex_cover import convex_cover
-from microplan.planner.assembly.fits.half_planes import clipped, common_polygon
+from microplan.planner.assembly.fits.half_planes import common_polygon
 
 NOWHERE = Polygon()
 # Corners of the hole this close to its hull are on it, as a share of its size.
@@ -37,7 +37,7 @@ class Opening:
 
     @cached_property
     def hull(self) -> tuple[FloatArray, FloatArray]:
-        """Return normals, (N, 2) by rising angle, and reaches, (N,), of the hull."""
+        """Return normals, (N, 2) by rising angle, and reaches, (N,) um, of the hull."""
         hull = shapely.remove_repeated_points(self.polygon.convex_hull)
         points = shapely.get_coordinates(shapely.orient_polygons(hull))[:-1]
         steps = np.roll(points, -1, axis=0) - points
@@ -102,7 +102,7 @@ def free_slice(hole: Opening, peg: Peg, theta_rad: float) -> BaseGeometry:
     if not len(starts):
         return room
     turned = [piece @ turn.T for piece in peg.pieces]
-    taken = [body for piece in turned for body in _taken(starts, ends, piece, room)]
+    taken = _taken(starts, ends, turned, room)
     left = _without(room, taken) if taken else room
     x, y = turned[0].mean(axis=0)  # a point of the peg
     inside = [part for part in shapely.get_parts(left) if _holds(hole, part, x, y)]
@@ -127,48 +127,28 @@ def _turn(theta_rad: float) -> FloatArray:
 
 
 def _taken(
-    starts: FloatArray, ends: FloatArray, piece: FloatArray, room: Polygon
+    starts: FloatArray, ends: FloatArray, pieces: Sequence[FloatArray], room: Polygon
 ) -> list[BaseGeometry]:
-    """Return the places in the box of a room at which a piece touches the edges.
+    """Return the places in the box of a room at which pieces touch the edges.
 
-    The sum of an edge and a convex piece is what half planes across the edges of both
-    have in common. Of those only the ones that cut the box are needed.
+    The sum of an edge and a convex piece, mirrored, is the hull of its corners'.
     """
     x0, y0, x1, y1 = room.bounds
-    box = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-    near = (low - piece.max(axis=0) < (x1, y1)).all(axis=1)
-    near &= (high - piece.min(axis=0) > (x0, y0)).all(axis=1)
-    starts, ends = starts[near], ends[near]
-    if not len(starts):
+    least = np.array([piece.min(axis=0) for piece in pieces])[:, None]
+    most = np.array([piece.max(axis=0) for piece in pieces])[:, None]
+    near = (np.minimum(starts, ends) - most < (x1, y1)).all(axis=2)
+    near &= (np.maximum(starts, ends) - least > (x0, y0)).all(axis=2)
+    which, edge = np.nonzero(near)
+    if not len(edge):
         return []
-    sides = _normals(piece - np.roll(piece, -1, axis=0))  # of the mirrored piece
-    own = (sides * -piece).sum(axis=1)
-    reaches = own + np.maximum(starts @ sides.T, ends @ sides.T)
-    planes = [(np.broadcast_to(sides, (len(starts), *sides.shape)), reaches)]
-    across = _normals(ends - starts)
-    for normals in (across, -across):
-        along = np.maximum((starts * normals).sum(axis=1), (ends * normals).sum(axis=1))
-        far = (normals @ -piece.T).max(axis=1)
-        planes.append((normals[:, None], (along + far)[:, None]))
-    normal = np.concatenate([found[0] for found in planes], axis=1)
-    reach = np.concatenate([found[1] for found in planes], axis=1)
-    beyond = np.einsum("nmk,ck->nmc", normal, np.array(box)) > reach[..., None]
-    clear, cut = beyond.all(axis=2).any(axis=1), beyond.any(axis=2)
-    found: list[BaseGeometry] = []
-    for k in np.flatnonzero(~clear):
-        body = clipped(box, normal[k][cut[k]].tolist(), reach[k][cut[k]].tolist())
-        if len(body) > 2:
-            # the hull is valid, rounded or not
-            found.append(shapely.convex_hull(shapely.linestrings(body)))
-    return [body for body in found if body.geom_type == "Polygon"]
-
-
-def _normals(steps: FloatArray) -> FloatArray:
-    """Return unit normals to the right of steps, (N, 2)."""
-    length = np.maximum(np.hypot(*steps.T), 1e-300)[:, None]
-    normals: FloatArray = np.column_stack([steps[:, 1], -steps[:, 0]]) / length
-    return normals
+    corners = [pieces[k] for k in which.tolist()]
+    owner = np.repeat(np.arange(len(edge)), [len(piece) for piece in corners])
+    sides = np.stack([starts[edge][owner], ends[edge][owner]], axis=1)
+    sums = (sides - np.concatenate(corners)[:, None]).reshape(-1, 2)
+    lines = shapely.linestrings(sums, indices=np.repeat(owner, 2))
+    inside = shapely.clip_by_rect(shapely.convex_hull(lines), x0, y0, x1, y1)
+    hulls = np.asarray(shapely.convex_hull(inside))  # valid, rounded or not
+    return [body for body in hulls if body.geom_type == "Polygon"]
 
 
 def _holds(hole: Opening, part: BaseGeometry, x: float, y: float) -> bool:

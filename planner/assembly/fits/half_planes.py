@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+import shapely
+from shapely.geometry import LineString
 
 from microplan.arrays import FloatArray, Point
 
@@ -32,9 +34,14 @@ def common_polygon(normals: FloatArray, reaches: FloatArray) -> FloatArray | Non
 
     Notes
     -----
-    Half planes by rising angle on a deque: a new one takes off what it makes
-    redundant at either end. Where rounding defeats that, one by one off a box.
+    Around a point inside all of them, the corners of their normals' hull over the
+    reaches are the lines that count. Else half planes by rising angle on a deque: a new
+    one takes off what it makes redundant at either end. Where rounding defeats that,
+    one by one off a box.
     """
+    corners = _dual(normals, reaches) if reaches.min() > 0 else None
+    if corners is not None and _fits(corners, normals, reaches):
+        return corners
     lines = list(_distinct(zip(*normals.T.tolist(), reaches.tolist(), strict=True)))
     corners = _enclosed(lines)
     if corners is None or not _fits(corners, normals, reaches):
@@ -45,8 +52,21 @@ def common_polygon(normals: FloatArray, reaches: FloatArray) -> FloatArray | Non
     return corners if len(corners) > 2 and _area(corners) > 0 else None
 
 
+def _dual(normals: FloatArray, reaches: FloatArray) -> FloatArray:
+    """Return the corners about the origin, which is inside all half planes."""
+    hull = LineString(normals / reaches[:, None]).convex_hull
+    points = shapely.get_coordinates(shapely.orient_polygons(hull))
+    (x, y), (x1, y1) = points[:-1].T, points[1:].T
+    cross = x * y1 - y * x1
+    meet = cross > PARALLEL * np.hypot(x, y) * np.hypot(x1, y1)
+    corners: FloatArray = np.column_stack([y1 - y, x - x1])[meet] / cross[meet, None]
+    return corners
+
+
 def _fits(corners: FloatArray, normals: FloatArray, reaches: FloatArray) -> bool:
     """Return whether corners are in all half planes, up to rounding."""
+    if len(corners) < 3:
+        return False
     slack = (corners @ normals.T - reaches).max()
     return bool(slack <= ROUNDING * np.abs(reaches).max()) and _area(corners) > 0
 

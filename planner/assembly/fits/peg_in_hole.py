@@ -22,7 +22,8 @@ from microplan.planner.assembly.fits.free_slice import Opening, Peg, free_slice
 CHORD_SHARES = (5e-5, 4e-4)
 CHORD_OF_CLEARANCE = 0.005
 MANY = 200  # edges, as a drawn curve may have: beyond, it is taken as its chords
-KEPT = 4  # fits whose slices are kept, a few MB each
+KEPT = 4  # fits whose slices are kept
+KEPT_SLICES, KEPT_SIZES = 2**15, 256  # the last ones of a fit, some 2 kB each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,18 +141,14 @@ class PolygonEdges:
 
 def edges_of(polygons: Sequence[Polygon]) -> PolygonEdges:
     """Return the edges of polygons."""
-    starts, ends = [np.empty((0, 2))], [np.empty((0, 2))]
-    owner = [np.empty(0, dtype=np.intp)]
-    for index, polygon in enumerate(shapely.orient_polygons(list(polygons))):
-        for ring in (polygon.exterior, *polygon.interiors):
-            points = shapely.get_coordinates(ring)
-            starts.append(points[:-1])
-            ends.append(points[1:])
-            owner.append(np.full(len(points) - 1, index, dtype=np.intp))
+    oriented = shapely.orient_polygons(list(polygons))
+    rings, owner = shapely.get_rings(oriented, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    joined = ring[:-1] == ring[1:]
     return PolygonEdges(
-        starts_um=np.concatenate(starts),
-        ends_um=np.concatenate(ends),
-        owner=np.concatenate(owner),
+        starts_um=points[:-1][joined],
+        ends_um=points[1:][joined],
+        owner=owner[ring[:-1][joined]],
         count=len(polygons),
     )
 
@@ -160,18 +157,15 @@ Pieces = tuple[Polygon, ...]
 
 
 class Slices:
-    """Slices of one fit at offsets of both edges; those found are kept."""
+    """Slices of one fit at offsets of both edges; the last ones found are kept."""
 
     def __init__(self, fit: PegInHole) -> None:
         self.fit = fit
-        self.reach_um = fit.reach_um
+        self.reach_um, self.size_um = fit.reach_um, fit.size_um
         self._chord_um = fit.chord_um
-        self._openings: dict[float, Opening] = {}
-        self._pegs: dict[float, Peg | None] = {}
-        self._found: dict[tuple[float, float, float], Pieces] = {}
-        self._edges: dict[
-            tuple[float, tuple[Size, ...]], tuple[tuple[Pieces, ...], PolygonEdges]
-        ] = {}
+        self._opening = lru_cache(maxsize=KEPT_SIZES)(self._opened)
+        self._peg = lru_cache(maxsize=KEPT_SIZES)(self._thickened)
+        self._pieces = lru_cache(maxsize=KEPT_SLICES)(self._found)
 
     def at(self, turn_rad: float, hole_um: float = 0.0, peg_um: float = 0.0) -> Pieces:
         """Return the pieces of the slice at a turn from the planned angle.
@@ -189,12 +183,12 @@ class Slices:
             Places of the peg's reference point about the hole's, um in its frame, by
             falling area.
         """
-        key = (turn_rad, hole_um, peg_um)
-        if key not in self._found:
-            parts = shapely.get_parts(self._eroded(*key))
-            whole = (p for p in parts if p.geom_type == "Polygon" and p.area > 0)
-            self._found[key] = tuple(sorted(whole, key=lambda p: -p.area))
-        return self._found[key]
+        return self._pieces(turn_rad, hole_um, peg_um)
+
+    def _found(self, turn_rad: float, hole_um: float, peg_um: float) -> Pieces:
+        parts = shapely.get_parts(self._eroded(turn_rad, hole_um, peg_um))
+        whole = (p for p in parts if p.geom_type == "Polygon" and p.area > 0)
+        return tuple(sorted(whole, key=lambda p: -p.area))
 
     def _eroded(self, turn_rad: float, hole_um: float, peg_um: float) -> BaseGeometry:
         """Return a slice; what narrows hole or peg's room narrows that of wider ones.
@@ -214,31 +208,22 @@ class Slices:
         holding = next((p for p in pieces if p.contains(middle)), None)
         return 0.0 if holding is None else float(holding.boundary.distance(middle))
 
-    def edges_at(
-        self, turn_rad: float, sizes: tuple[Size, ...]
-    ) -> tuple[tuple[Pieces, ...], PolygonEdges]:
-        """Return the pieces of each size's slice, and the edges of all of them."""
-        key = (turn_rad, sizes)
-        if key not in self._edges:
-            found = tuple(self.at(turn_rad, s.hole_um, s.peg_um) for s in sizes)
-            self._edges[key] = found, edges_of([p for each in found for p in each])
-        return self._edges[key]
-
     def _slice(self, turn_rad: float, hole_um: float, peg_um: float) -> BaseGeometry:
         """Return a slice; a peg that vanishes goes anywhere in the hole."""
-        if hole_um not in self._openings:
-            self._openings[hole_um] = Opening(self._grown(self.fit.hole, -hole_um))
-        radius_um = self.fit.peg_radius_um
+        opening, radius_um = self._opening(hole_um), self.fit.peg_radius_um
         if radius_um is not None:
-            return self._within(self._openings[hole_um].polygon, radius_um + peg_um)
-        if peg_um not in self._pegs:
-            body = self._grown(self.fit.peg, peg_um)
-            points = shapely.get_coordinates(body.exterior)[:-1]
-            self._pegs[peg_um] = Peg(points) if len(points) else None
-        opening, peg = self._openings[hole_um], self._pegs[peg_um]
+            return self._within(opening.polygon, radius_um + peg_um)
+        peg = self._peg(peg_um)
         if peg is None:
             return opening.polygon
         return free_slice(opening, peg, self.fit.angle_rad + turn_rad)
+
+    def _opened(self, hole_um: float) -> Opening:
+        return Opening(self._grown(self.fit.hole, -hole_um))
+
+    def _thickened(self, peg_um: float) -> Peg | None:
+        points = shapely.get_coordinates(self._grown(self.fit.peg, peg_um).exterior)
+        return Peg(points[:-1]) if len(points) else None
 
     def _within(self, opening: Polygon, radius_um: float) -> BaseGeometry:
         """Return where the middle of a disc may be; arcs about corners by chords."""

@@ -9,11 +9,12 @@ from scipy import special
 
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.angle_budget import AngleError
+from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
 
 # A normal angle beyond so many sigmas, 1e-15, is lost in the rounding of 1.
 ANGLE_SIGMAS = 8.0
 FREE_ANGLE_RAD = math.pi  # one sigma, from which on every angle is as likely
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+NODES = 12  # per piece; pieces are two sigmas long
 
 
 def angle_density(
@@ -53,17 +54,40 @@ def _cut_share(angle: AngleError, off: FloatArray) -> FloatArray:
     return share
 
 
-def angle_mass(angle: AngleError, middle_rad: float, low: float, high: float) -> float:
-    """Return the probability that the angle's error ends between two turns."""
-    reach = ANGLE_SIGMAS * _uncut(angle)
-    if _uncut(angle) < FREE_ANGLE_RAD:
-        low = max(low, middle_rad - reach)
-        high = min(high, middle_rad + reach)
-    if high <= low:
-        return 0.0
-    count = 1 + math.ceil((high - low) / max(_uncut(angle), 1e-12) / 2)
-    cuts = np.linspace(low, high, count + 1)
-    half = np.diff(cuts)[:, None] / 2
-    turns = cuts[:-1, None] + half * (1 + _NODES)
-    density = angle_density(angle, middle_rad, turns.ravel()).reshape(turns.shape)
-    return float((half * density * _WEIGHTS).sum())
+def angle_moments(
+    angle: AngleError, middle_rad: float, low: float, high: float, count: int
+) -> FloatArray:
+    """Return the integrals of Chebyshev polynomials times the angle's density.
+
+    Parameters
+    ----------
+    angle : AngleError
+        The angle's error.
+    middle_rad : float
+        Of the angle.
+    low, high : float
+        Turns, rad; the polynomials are those of -1..1 stretched over them.
+    count : int
+        N, of polynomials, T_0 = 1 the first: its integral is P between the turns.
+
+    Returns
+    -------
+    (N,) float64 array
+        Dimensionless [1]. Zero farther than ANGLE_SIGMAS from the middle.
+    """
+    sigma, cut = _uncut(angle), angle.cut_rad
+    first, last = low, high
+    steps = np.arange(-ANGLE_SIGMAS, ANGLE_SIGMAS + 1, 2)
+    cuts = middle_rad + steps * sigma
+    if sigma < FREE_ANGLE_RAD:
+        first, last = max(low, cuts[0]), min(high, cuts[-1])
+    if last <= first:
+        return np.zeros(count)
+    if not math.isinf(cut):
+        edges = middle_rad + np.array([-cut, cut])[:, None] + steps * angle.rest_rad
+        cuts = np.concatenate([cuts, edges.ravel()])
+    turns, weights = nodes_between(cuts_between(first, cuts, last), NODES)
+    weights = weights * angle_density(angle, middle_rad, turns)
+    share = (2 * turns - low - high) / (high - low)
+    found: FloatArray = weights @ np.polynomial.chebyshev.chebvander(share, count - 1)
+    return found

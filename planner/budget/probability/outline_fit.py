@@ -15,6 +15,7 @@ from microplan.planner.budget.probability.polygon_mass import PlaneError
 
 # Gauss nodes over each tolerance, by the power with which a rare outcome changes.
 SIZES = ((1.0, 3), (3.0, 4), (10.0, 6), (math.inf, 8))  # power: nodes a side
+CLOSE = 1e-4  # accuracy of P over the angle, as a share of the rarer outcome
 LEFT_COUNTS = 0.5  # share of a cut-off residual's sigma that smooths like a normal one
 
 
@@ -27,6 +28,7 @@ class OutlineFit:
     shaft_tolerance_um: float
     taper_um: float = 0.0  # what leaning walls take on each side
     wider_um: float = 0.0  # by which the hole's edge is farther out than drawn
+    close: float = CLOSE  # how closely P is found over the angle
 
     @property
     def capture_um(self) -> float:

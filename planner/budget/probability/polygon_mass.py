@@ -54,16 +54,16 @@ def masses(
     Parameters
     ----------
     edges : PolygonEdges
-        Polygons.
+        Of N polygons.
     error : PlaneError
         Law of the error.
-    shifts_um : (count, 2) float array
+    shifts_um : (N, 2) float array
         What is added to the error's middle for each polygon.
 
     Returns
     -------
-    two (count,) float arrays
-        In 0..1; small values of either keep their digits.
+    two (N,) float arrays
+        [1], in 0..1; small values of either keep their digits.
     """
     if not len(edges.owner):
         return np.zeros(edges.count), np.ones(edges.count)

@@ -31,12 +31,12 @@ class RadialLaw:
     per_square: FloatArray  # (N,) per um2
 
     def tail(self, radius_um: FloatArray) -> FloatArray:
-        """Return P(|e| >= r), same shape."""
+        """Return P(|e| >= r) at radii, (...) [1]."""
         found: FloatArray = np.exp(np.interp(radius_um, self.radius_um, self.log_tail))
         return found
 
     def density(self, radius_um: FloatArray) -> FloatArray:
-        """Return P(|e| < r) / r**2, per um2, same shape."""
+        """Return P(|e| < r) / r**2, (...) per um2, at radii."""
         found: FloatArray = np.interp(radius_um, self.radius_um, self.per_square)
         return found
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+import shapely
 from shapely.geometry import Point
 
 from microplan.planner.assembly.fits.peg_in_hole import Pieces
@@ -24,11 +26,12 @@ def components(turns: Sequence[float], slices: Sequence[Pieces]) -> list[list[in
     pairs = list(pairwise(range(len(slices))))
     if turns[-1] - turns[0] >= math.tau - 1e-9:
         pairs.append((len(slices) - 1, 0))
-    for here, there in pairs:
-        for one, a in zip(slices[here], names[here], strict=True):
-            for other, b in zip(slices[there], names[there], strict=True):
-                if one is other or one.intersects(other):
-                    parents[_root(parents, a)] = _root(parents, b)
+    flat = np.array([piece for pieces in slices for piece in pieces], dtype=object)
+    sides = [(a, b) for here, there in pairs for a in names[here] for b in names[there]]
+    one, other = np.array(sides, dtype=np.intp).reshape(-1, 2).T
+    meet = np.flatnonzero(shapely.intersects(flat[one], flat[other]))
+    for a, b in zip(one[meet].tolist(), other[meet].tolist(), strict=True):
+        parents[_root(parents, a)] = _root(parents, b)
     return [[_root(parents, name) for name in owned] for owned in names]
 
 

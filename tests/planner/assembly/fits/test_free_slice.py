@@ -137,3 +137,21 @@ def test_half_planes_leave_what_clipping_leaves(
     found = common_polygon(normals[order], reaches[order])
     area = 0.0 if found is None else Polygon(found).area
     assert area == pytest.approx(body.area, abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(3, 12), st.floats(0.0, 3e-16), st.floats(0.05, 1.0))
+def test_half_planes_of_one_direction_count_once(
+    count: int, apart: float, least: float
+) -> None:
+    """Edges of one side that arcs begin and end on differ by rounding only."""
+    turns = np.arange(count) / count * math.tau - math.pi
+    reaches = np.linspace(least, 1.0, count)
+    normals = np.column_stack([np.cos(turns), np.sin(turns)])
+    twice = np.repeat(turns, 3) + np.tile([0.0, apart, 2 * apart], count)
+    doubled = np.column_stack([np.cos(twice), np.sin(twice)])
+    once = common_polygon(normals, reaches)
+    found = common_polygon(doubled, np.repeat(reaches, 3))
+    assert once is not None
+    assert found is not None
+    assert Polygon(found).area == pytest.approx(Polygon(once).area, rel=1e-9)

@@ -111,6 +111,46 @@ def test_an_angle_that_is_all_but_exact_is_as_good_as_exact(turn: float) -> None
     assert seating(fit, error_of(0.3, turn)).miss == pytest.approx(exact, rel=1e-5)
 
 
+def known_angle(error: PoseError, off: float) -> PoseError:
+    """Return the error where the angle is known to be `off` from its middle."""
+    rest, (arm_x, arm_y) = error.plane.rest, error.lever_um
+    x, y = rest.middle_um
+    moved = replace(rest, middle_um=(x + off * arm_x, y + off * arm_y))
+    return PoseError(
+        plane=replace(error.plane, rest=moved),
+        angle=AngleError(left_rad=0.0, cut_rad=math.inf, rows=()),
+        middle_rad=error.middle_rad + off,
+    )
+
+
+@pytest.mark.parametrize("turn", [1e-4, 3e-3, 0.03])
+def test_an_angles_error_averages_over_known_angles(turn: float) -> None:
+    """By the rule of equal steps, blind to where slices appear: 1e-4 of them."""
+    fit = fit_of(d_shape(25.0, 16.0), d_shape(23.5, 14.5))
+    error = replace(
+        error_of(0.4, turn, residual=Residual(sigma_um=0.6, within_um=0.8)),
+        lever_um=(20.0, -9.0),
+        middle_rad=2e-3,
+    )
+    steps = np.linspace(-7, 7, 281)
+    weights = np.exp(-(steps**2) / 2) / np.exp(-(steps**2) / 2).sum()
+    known = [seating(fit, known_angle(error, turn * step)).miss for step in steps]
+    assert seating(fit, error).miss == pytest.approx(
+        float(weights @ np.array(known)), rel=1e-4
+    )
+
+
+def test_a_closer_probability_is_the_same_to_what_was_asked() -> None:
+    fit = fit_of(box(40, 11), box(38, 10), 0.2)
+    for turn in (1e-3, 0.02, 0.3):
+        error = error_of(0.5, turn)
+        exact = seating(replace(fit, close=1e-6), error)
+        for close in (1e-3, 1e-4):
+            found = seating(replace(fit, close=close), error)
+            rarer = min(exact.miss, 1 - exact.miss)
+            assert abs(found.miss - exact.miss) < close * rarer
+
+
 def test_other_pieces_do_not_count_as_seated() -> None:
     found = seating(fit_of(box(11, 11), box(10, 10)), error_of(0.2, math.pi))
     # a square goes in at four angles
