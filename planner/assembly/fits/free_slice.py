@@ -14,15 +14,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from microplan.arrays import FloatArray
+from microplan.arrays import Box, FloatArray
 from microplan.planner.assembly.fits.convex_cover import convex_cover
 from microplan.planner.assembly.fits.half_planes import common_polygon
 
 NOWHERE = Polygon()
+Geometries = npt.NDArray[np.object_]
 # Corners of the hole this close to its hull are on it, as a share of its size.
 ON_HULL = 1e-9
 # Places are rounded to this share of the room where exact ones cannot be ordered.
@@ -146,9 +148,17 @@ def _taken(
     sides = np.stack([starts[edge][owner], ends[edge][owner]], axis=1)
     sums = (sides - np.concatenate(corners)[:, None]).reshape(-1, 2)
     lines = shapely.linestrings(sums, indices=np.repeat(owner, 2))
-    inside = shapely.clip_by_rect(shapely.convex_hull(lines), x0, y0, x1, y1)
+    inside = _inside(shapely.convex_hull(lines), (x0, y0, x1, y1))
     hulls = np.asarray(shapely.convex_hull(inside))  # valid, rounded or not
     return [body for body in hulls if body.geom_type == "Polygon"]
+
+
+def _inside(hulls: Geometries, box: Box) -> Geometries:
+    """Return what of convex bodies is in a box, (N,) each."""
+    try:
+        return np.asarray(shapely.clip_by_rect(hulls, *box))
+    except shapely.GEOSException:  # one touches a side within rounding
+        return np.asarray(shapely.intersection(hulls, shapely.box(*box)))
 
 
 def _holds(hole: Opening, part: BaseGeometry, x: float, y: float) -> bool:

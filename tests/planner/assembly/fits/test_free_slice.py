@@ -13,7 +13,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from benchmarks.compiling.outline_pairs import draw_pair, goes_in
-from benchmarks.compiling.outline_shapes import hollow, keyed
+from benchmarks.compiling.outline_shapes import cross, hollow, keyed
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Outline, Ring
 from microplan.planner.assembly.fits.convex_cover import convex_cover
@@ -47,6 +47,15 @@ def test_a_cross_in_a_cross_is_held_by_its_arms() -> None:
     # arms of the hole are .5 wider on each side and longer: only their sides touch
     hole = Opening(Polygon(CROSS * 1.25))
     assert free_slice(hole, Peg(CROSS), 0.0).area == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("gap", [1.0, 3.0, 3.56967248112171])
+def test_bodies_that_touch_the_room_in_a_corner_take_nothing(gap: float) -> None:
+    """Of the last gaps GEOS makes rings of three points, and refuses them."""
+    hole, peg = (ring_points(cross(*size).rings[0], 0.01)
+                 for size in ((25.0, 6 + gap), (25 - gap, 6.0)))  # fmt: skip
+    found = free_slice(Opening(Polygon(hole)), Peg(peg), 0.0)
+    assert found.area == pytest.approx((2 * gap) ** 2)
 
 
 def test_a_peg_in_two_rooms_joined_by_a_neck_has_two_pieces() -> None:
