@@ -148,7 +148,8 @@ def _taken(
     sides = np.stack([starts[edge][owner], ends[edge][owner]], axis=1)
     sums = (sides - np.concatenate(corners)[:, None]).reshape(-1, 2)
     lines = shapely.linestrings(sums, indices=np.repeat(owner, 2))
-    inside = _inside(shapely.convex_hull(lines), (x0, y0, x1, y1))
+    hulls = np.asarray(shapely.convex_hull(lines))
+    inside = _inside(hulls, (x0, y0, x1, y1))
     hulls = np.asarray(shapely.convex_hull(inside))  # valid, rounded or not
     return [body for body in hulls if body.geom_type == "Polygon"]
 
