@@ -48,7 +48,8 @@ def least_distances(
     least : (points, slopes) float32 array, out
         In widths.
     """
-    (u, v), (du, dv), one = start, slope, 0 if start[0].shape[1] == 1 else 1
+    (u, v), (du, dv) = start, slope
+    stride = 0 if u.shape[1] == 1 else 1  # one start for all rays, or one for each
     last = heights_um.size - 1
     widest = max(widths_um[0], widths_um[last])
     depth = abs(heights_um[last] - heights_um[0])
@@ -58,7 +59,7 @@ def least_distances(
             if away_um[p] >= farthest * slopes[0, r] + widest:
                 least[p, r] = _CLEAR
                 continue
-            ray = u[p, r * one], v[p, r * one], du[0, r], dv[0, r]
+            ray = u[p, r * stride], v[p, r * stride], du[0, r], dv[0, r]
             before = _nearest(distances, ray, heights_um[0])
             end = _nearest(distances, ray, heights_um[last])
             found = end / widths_um[last]

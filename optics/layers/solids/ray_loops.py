@@ -190,16 +190,17 @@ def _meet_body(
     c, s, top = body[_C], body[_S], body[_TOP]
     start, columns = int(body[_FIRST]), int(body[_COLUMNS])
     ends = columns - _RIM, body[_ROWS] - _RIM
-    away, deep = sure_um[0] / max(abs(top), abs(low_um)), sure_um[1] / abs(top)
-    one = 0 if x_um.size == 1 else 1
+    # slopes up to which rays stay outside, and inside up to the top
+    outside, inside = sure_um[0] / max(abs(top), abs(low_um)), sure_um[1] / abs(top)
+    stride = 0 if x_um.size == 1 else 1  # one start for all rays, or one for each
     for r in range(first.size):
         slope, best = slopes[r], first[r]
-        if top <= best or away >= slope:
+        if top <= best or outside >= slope:
             continue
-        if deep >= slope:
+        if inside >= slope:
             first[r], whose[r] = top, -1
             continue
-        x, y, dx, dy = x_um[r * one], y_um[r * one], across[r], up[r]
+        x, y, dx, dy = x_um[r * stride], y_um[r * stride], across[r], up[r]
         u, v = c * x + s * y + body[_U], c * y - s * x + body[_V]
         du, dv = c * dx + s * dy, c * dy - s * dx
         z, low = top, max(low_um, best)
@@ -254,7 +255,7 @@ def fly(  # noqa: C901 - one loop: see below
     off = np.empty(bodies.shape[0])
     for n in range(ends.size):
         # one loop over numbers: what is handed to functions or kept in arrays leaves
-        # the registers, and takes half as long again
+        # the registers, and takes nearly twice as long
         x, y, z, slope = flight[n, 0], flight[n, 1], flight[n, 2], flight[n, 5]
         across, up, weight = flight[n, 3], flight[n, 4], flight[n, 6]
         count, end, wall = bounces[n], LOST, walls[n]

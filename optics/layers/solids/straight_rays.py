@@ -43,7 +43,7 @@ class Rays:
 
     @property
     def apart_um(self) -> Float32Array:
-        """Return how far from its first ray those of a point start, (points,)."""
+        """Return how far from a point's first ray others start at most, (points,)."""
         x, y = self.x_um - self.x_um[:, :1], self.y_um - self.y_um[:, :1]
         found: Float32Array = np.hypot(x, y).max(axis=1)
         return found
