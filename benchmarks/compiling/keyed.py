@@ -3,7 +3,7 @@
 `fit.keyed_feasible` is how many of PAIRS keyed pairs with 3 to 4 um of room give a
 feasible plan, `fit.keyed_seated` of how many of those one run on the simulated cell
 ends with the gear truly on its post, `fit.keyed_least_probability` the least P.
-It takes five to ten minutes a pair.
+A pair takes minutes; runs have the `solid` camera.
 """
 
 from __future__ import annotations
