@@ -11,6 +11,7 @@ import numpy as np
 
 from microplan.executor.simulated.contact import drop, lean, touch
 from microplan.executor.simulated.outlines.crossing import moved
+from microplan.executor.simulated.outlines.squeezing import settled_rad
 from microplan.executor.simulated.shapes import extent_x
 from microplan.executor.simulated.timeline import DelayedDevice, DeviceFaults, Timeline
 from microplan.executor.simulated.truth import TrueBody, Truth
@@ -121,13 +122,9 @@ def _between(truth: Truth, body: TrueBody, opening_um: float) -> bool:
 
 
 def _settled(truth: Truth, body: TrueBody) -> float:
-    """Return the angle of a squeezed body to the jaws, rad: the nearest least width.
-
-    A width repeats after half a rotation.
-    """
+    """Return the angle of a squeezed body to the jaws, rad."""
     inner = truth.grip_pose().inverse().compose(truth.pose(body)).theta_rad
-    turns = [math.remainder(m - inner, math.pi) for m in body.part.hull_minima_rad]
-    return inner + min(turns, key=abs, default=0.0)
+    return settled_rad(np.concatenate(body.rings), inner)
 
 
 JAW_TIME_S = 0.3  # the workcell states none

@@ -13,7 +13,7 @@ import shapely
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Edge, Outline, Segment
 from microplan.planner.assembly.assembly import Axis4, Carrier, State
-from microplan.planner.assembly.shapes import CHORD_UM, hull, squeeze_minima_rad
+from microplan.planner.assembly.shapes import CHORD_UM, hull
 from microplan.planner.task.task import Part, Reading, Task
 from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.files.world import (
@@ -223,7 +223,6 @@ def _part(task: Task, part: Part) -> WorldPart:
             )
             for mark in part.marks.values()
         ),
-        hull_minima_rad=squeeze_minima_rad(part.outline),
         wall_reflectance=part.surface.wall,
         finish=part.surface.finish,
         start=Pose(x_um=start.x_um, y_um=start.y_um, theta_rad=start.theta_rad),

@@ -80,7 +80,6 @@ class WorldPart:
     profile_tolerance_um: float  # hard limit of the edge offset, per side
     posts: tuple[WorldPost, ...]  # on its top face
     holes: tuple[WorldHole, ...]  # round ones that can receive a post
-    hull_minima_rad: tuple[float, ...]  # angles at which the hull is narrowest along x
     start: Pose  # on the stage at reading 0
     theta_any: bool  # whether any angle is as likely
     sigma_xy_um: float  # of the start, per axis

@@ -25,7 +25,6 @@ from microplan.optics.outline.outline import Arc, Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
-from microplan.planner.assembly.shapes import squeeze_minima_rad
 from microplan.planner.assembly.world import finger_solids, part_solids
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
@@ -145,7 +144,6 @@ def world() -> World:
                     )
                     for f in holes
                 ),
-                hull_minima_rad=squeeze_minima_rad(part.outline),
                 start=Pose(x_um=pose.x_um, y_um=pose.y_um, theta_rad=pose.theta_rad),
                 theta_any=pose.theta_any,
                 sigma_xy_um=pose.sigma_xy_um,

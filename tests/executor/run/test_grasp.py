@@ -50,8 +50,6 @@ def hexagon(flats_um: float) -> Outline:
 
 BOX = place(polygon((-49, -55), (49, -55), (49, 55), (-49, 55)), 6.0, -4.0)
 HEXAGON = hexagon(99.0)
-# where they lie flat between jaws, in half a turn: by hand, as the cell has to know
-FLAT_DEG = {BOX: (0.0, 90.0), HEXAGON: (30.0, 90.0, 150.0)}
 
 
 def cell(outline: Outline, start_deg: float) -> World:
@@ -62,7 +60,6 @@ def cell(outline: Outline, start_deg: float) -> World:
         gear,
         outline=world_outline(outline),
         holes=(),
-        hull_minima_rad=tuple(math.radians(turn) for turn in FLAT_DEG[outline]),
         start=replace(gear.start, theta_rad=math.radians(start_deg)),
     )
     return replace(found, parts=(part, plate))
