@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field, replace
+from multiprocessing import parent_process
+from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
+from threading import Thread
 from typing import TypeVar
 
 from microplan.planner.assembly.step_states import StepState
@@ -124,9 +128,22 @@ def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]
 
 
 def listen(unwanted: Event) -> None:
-    """Set the event that stops this process."""
+    """Set the event that stops this process, and end it with the one that began it.
+
+    A pool's processes do not notice when that is killed: each waits for the next task
+    on a pipe that the others hold open.
+    """
     global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
     _unwanted = unwanted
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    """End this process when another one does."""
+    wait([sentinel])
+    os._exit(1)
 
 
 _unwanted: Event | None = None

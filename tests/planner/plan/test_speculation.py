@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import replace
@@ -68,6 +71,39 @@ def test_a_look_made_ahead_is_used_only_for_the_same_request(tmp_path: Path) -> 
     pool.waiting[1].set_exception(StoppedError())
     with pytest.raises(StoppedError):  # what its process says of it
         found.looks(task, asked, EFFECTS, low, report)
+
+
+POOL = """
+import os, time
+from microplan.planner.plan.compiler import workers
+with workers(2) as pool:
+    pool.submit(time.sleep, 300)
+    print(os.getpid(), *pool._processes, flush=True)
+    time.sleep(300)
+"""
+
+
+def runs(pid: int) -> bool:
+    """Return whether a process runs; one that has ended may not be collected yet."""
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_no_process_outlives_a_compiler_that_is_killed() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", POOL], stdout=subprocess.PIPE, text=True
+    ) as compiler:
+        assert compiler.stdout is not None
+        own, *pids = map(int, compiler.stdout.readline().split())
+        assert own == compiler.pid
+        assert len(pids) > 0
+        assert all(map(runs, pids))
+        compiler.kill()
+    deadline = time.monotonic() + 60
+    while any(map(runs, pids)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(runs, pids))
 
 
 def test_work_that_nobody_wants_stops(monkeypatch: pytest.MonkeyPatch) -> None:
