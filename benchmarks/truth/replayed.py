@@ -23,7 +23,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.record.plan_file import read_plan
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.measure_feature import Picture, measured
-from microplan.executor.run.measure_target import to_unit
+from microplan.executor.run.measure_target import light_of
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.hub import read_world
 from microplan.featuresel.routines.contract import Failure
@@ -176,7 +176,7 @@ def _picture(seer: Viewer, cell: Cell, belief: Believed | None) -> Picture:
     if belief is not None:
         expected = replace(expected, theta_rad=belief.theta_rad)
     return Picture(
-        image=to_unit(grabbed.counts, cell.truth.world.optics.bits),
+        image=light_of(grabbed.counts, seer.plan.requirements),
         frame=seer.frame,
         expected=expected,
         believed=belief,

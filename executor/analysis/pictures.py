@@ -32,6 +32,7 @@ from microplan.executor.run.measure_feature import (
     measured,
     spare,
 )
+from microplan.executor.run.measure_target import light_of
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, fuse
 from microplan.schemas.plan import Look, Measure, Plan, Region, RoutineUse
@@ -62,7 +63,7 @@ class Finding:
     code: str | None  # None: found, and accepted
     why: str
     whole: bool = True  # the picture is the whole frame, not the region alone
-    image: FloatArray | None = None  # as read, 0..1
+    image: FloatArray | None = None  # its light, 0..1 of full scale
     attempts: tuple[Attempt, ...] = ()
     x_um: float | None = None
     y_um: float | None = None
@@ -188,7 +189,9 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         read = read_picture(path, seer.plan.requirements, region, seer.bits)
     except ExecutorError as error:
         return Finding(name=path.name, code=error.code, why=error.message)
-    image = read.image
+    image, need = read.image, seer.plan.requirements
+    if need.response:
+        image = light_of(image * (2**need.bits - 1), need)
     part = cut(image, region)
     picture = Picture(
         image=part,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.measure_target import TargetSighting, to_unit
+from microplan.executor.run.measure_target import TargetSighting, light_of
 from microplan.executor.run.run_context import Rig
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess
 from microplan.schemas.plan import HeightSearch, Look
@@ -126,7 +126,7 @@ def height_by_pair(
     for offset in offsets:
         rig.set_view(look.view, focus_um=expected_um + offset)
         counts = rig.grab(look.measure.region, keep=False)
-        images.append(to_unit(counts, rig.plan.requirements.bits))
+        images.append(light_of(counts, rig.plan.requirements))
     seconds = rig.station.clock.now_s() - began_s
     column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
     guess = Guess(column=column, row=row, theta_rad=part.theta_rad)
@@ -155,7 +155,7 @@ def _score_at(
     rig.set_view(look.view, focus_um=focus_um)
     look = rig.placed(look)
     counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
-    image = to_unit(counts, rig.plan.requirements.bits)
+    image = light_of(counts, rig.plan.requirements)
     mask = None
     if search.ring_radius_um:
         column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import MACHINE, STOPPED, ExecutorError
@@ -15,7 +17,7 @@ from microplan.executor.run.run_context import Rig
 from microplan.executor.run.warm_start import FoundFeature, WarmStart
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import fuse
-from microplan.schemas.plan import AxisMove, Look, OnFailure
+from microplan.schemas.plan import AxisMove, Look, OnFailure, Requirements
 
 # The least that reflects, a stage of .01 in half of the light, shows brighter; a dark
 # frame of the camera does not.
@@ -149,10 +151,19 @@ def look_near(
     return seen
 
 
-def to_unit(counts: Counts, bits: int) -> FloatArray:
-    """Return (rows, columns) counts as 0..1 of full scale, float64."""
-    unit: FloatArray = counts / float(2**bits - 1)
-    return unit
+def light_of(counts: Counts | FloatArray, need: Requirements) -> FloatArray:
+    """Return the light, as a share of full scale, of (rows, columns) counts, float64.
+
+    Below 0 where counts are below those of darkness.
+    """
+    if not need.response:
+        unit: FloatArray = counts / float(2**need.bits - 1)
+        return unit
+    levels, shares = np.array(need.response).T
+    slope = (shares[1] - shares[0]) / (levels[1] - levels[0])
+    below = np.minimum(counts - levels[0], 0.0) * slope
+    light: FloatArray = np.interp(counts, levels, shares) + below
+    return light
 
 
 def _lit(image: FloatArray) -> str:
@@ -200,7 +211,7 @@ def _sight(
     counts = rig.grab(look.measure.region, look=look.id)
     readings = rig.readings()
     picture = Picture(
-        image=to_unit(counts, rig.plan.requirements.bits),
+        image=light_of(counts, rig.plan.requirements),
         frame=rig.frame_of(look),
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),

@@ -11,6 +11,11 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts, Frame
 from microplan.executor.simulated.faults import Faults
+from microplan.executor.simulated.imaging.electrons import (
+    Chip,
+    PixelPattern,
+    counted,
+)
 from microplan.executor.simulated.imaging.imaging_view import LampLevel, PixelWindow
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
 from microplan.schemas.files.world import WorldOptics
@@ -76,10 +81,6 @@ class Pictures(Protocol):
         """
         ...
 
-    def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture, (rows, columns) px counts."""
-        ...
-
 
 class SimCamera:
     """The camera; `mirror` and `swap` are faults of its wiring or its mirrors."""
@@ -91,6 +92,7 @@ class SimCamera:
         light: SimLight,
         rng: np.random.Generator,
         faults: Faults,
+        pattern: PixelPattern | None = None,
     ) -> None:
         self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
@@ -98,6 +100,7 @@ class SimCamera:
         self.pictures = pictures
         self._light = light
         self._rng = rng
+        self._chip, self._pattern = _chip(timeline.truth.world.optics), pattern
         self._faults = faults
         self._trouble = DeviceFaults(faults, "camera")
 
@@ -125,7 +128,10 @@ class SimCamera:
             image = self._swapped(window)
         else:
             image = self._image(window, self._truth.world.optics.height_px)
-        counts = self.pictures.counts(image, self._rng)
+        here = None
+        if self._pattern is not None:
+            here = self._pattern.part(window.row, window.column, image.shape)
+        counts = counted(image, self._chip, self._rng, here)
         return counts[:, ::-1] if self._faults.on("mirror_camera") else counts
 
     def _swapped(self, at: PixelWindow) -> FloatArray:
@@ -168,3 +174,22 @@ class SimCamera:
         return PixelWindow(
             row=region.row, column=column, rows=region.rows, columns=region.columns
         )
+
+
+def _chip(optics: WorldOptics) -> Chip:
+    """Return the world's sensor."""
+    return Chip(
+        full_well_e=optics.full_well_e,
+        read_noise_e=optics.read_noise_e,
+        bits=optics.bits,
+        response=optics.response,
+        noise=optics.noise,
+    )
+
+
+def drawn_pattern(optics: WorldOptics, rng: np.random.Generator) -> PixelPattern | None:
+    """Return the fixed pattern of a camera's pixels, None where there is none."""
+    if not (optics.pattern_gain or optics.pattern_counts):
+        return None
+    shape = (optics.height_px, optics.width_px)
+    return PixelPattern.drawn(shape, optics.pattern_gain, optics.pattern_counts, rng)

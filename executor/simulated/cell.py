@@ -10,7 +10,12 @@ import numpy as np
 from microplan.executor.devices.safety import Rules, Settle, Speeds
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.simulated.axes import DriveError, SimAxes
-from microplan.executor.simulated.camera import Pictures, SimCamera, SimLight
+from microplan.executor.simulated.camera import (
+    Pictures,
+    SimCamera,
+    SimLight,
+    drawn_pattern,
+)
 from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
 from microplan.executor.simulated.faults import Faults
@@ -25,6 +30,7 @@ from microplan.schemas.files.world import World, WorldAxes
 PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens", "surface",
+    "pattern",
 )  # fmt: skip
 
 SHOWN_LIGHT = "coaxial"  # kind of light that both cameras show
@@ -135,7 +141,8 @@ def build_cell(
     light = SimLight(world.optics, rng["light"], wrong)
     clock = SimClock(timeline)
     pictures = _pictures(camera, truth, lens)
-    eye = SimCamera(timeline, pictures, light, rng["noise"], wrong)
+    pattern = drawn_pattern(world.optics, rng["pattern"])
+    eye = SimCamera(timeline, pictures, light, rng["noise"], wrong, pattern)
     stick = 0.0 if truth.tool is None else truth.tool.stick_probability
     jaws = SimGripper(timeline, rng["stick"], DeviceFaults(wrong, "jaws"), stick=stick)
     station = Station(

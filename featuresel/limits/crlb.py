@@ -14,6 +14,7 @@ from scipy.special import log_ndtr, ndtr
 
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.limits.information import Information, limit
+from microplan.featuresel.look.camera_noise import camera_noise
 from microplan.featuresel.look.nominal import displacement_changes
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import Sensitivities, sensitivities
@@ -78,13 +79,7 @@ _NOTHING = 1e-12  # of a pixel's information in mid-scale: rounding of 0
 
 def camera_of(case: LookCase) -> CameraNoise:
     """Return a look's noise; a sensor's gain makes full scale a part of its well."""
-    sensor = case.sensor
-    return CameraNoise(
-        full_well_e=sensor.full_well_e / sensor.gain,
-        read_noise_e=sensor.read_noise_e,
-        bits=sensor.bits,
-        fill_factor=case.microscope.fill_factor,
-    )
+    return camera_noise(case.sensor, case.microscope.fill_factor)
 
 
 def weights(
@@ -118,7 +113,10 @@ def weights(
     sigma = np.sqrt(variance)
     half = 0.5 / (2**camera.bits - 1)  # counts are rounded
     top = ceiling - half if ceiling >= 1 else ceiling
-    low = np.clip((half - mean) / sigma, -_FAR, _FAR)
+    bottom = half
+    if camera.rows:
+        bottom, top = camera.floor or -math.inf, min(ceiling, camera.ceiling)
+    low = np.clip((bottom - mean) / sigma, -_FAR, _FAR)
     high = np.clip((top - mean) / sigma, -_FAR, _FAR)
     inside = ndtr(high) - ndtr(low) - (high * _normal(high) - low * _normal(low))
     left = inside + _cut(low) + _cut(-high)

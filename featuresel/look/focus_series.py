@@ -13,7 +13,7 @@ from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.perturb import image, still
 from microplan.featuresel.look.scenario import LookCase, moved_layers
 from microplan.featuresel.look.static_layers import Standing, standing
-from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.lens.sensor import expose, linear
 from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import Range
@@ -123,6 +123,6 @@ def through_focus(case: LookCase, farthest: Trial) -> Pictures:
             scene = moved(*_pose(trial))
             bright = scene.image(focus_um=focus_um, light=case.light, also=also)
             rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-            yield to_unit(expose(bright, case.sensor, rng), case.sensor.bits)
+            yield linear(expose(bright, case.sensor, rng), case.sensor)
 
     return pictures

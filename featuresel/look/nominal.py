@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.camera_noise import camera_noise
 from microplan.featuresel.look.edge_lines import line_images
 from microplan.featuresel.look.occluders import displaced_look, occluders
 from microplan.featuresel.look.scenario import (
@@ -55,13 +56,8 @@ class NominalRender:
     @property
     def camera(self) -> CameraNoise:
         """Return the camera's noise."""
-        sensor = self.case.sensor
-        return CameraNoise(
-            full_well_e=sensor.full_well_e,
-            read_noise_e=sensor.read_noise_e,
-            bits=sensor.bits,
-            fill_factor=self.case.microscope.fill_factor,
-        )
+        sensor = replace(self.case.sensor, gain=1.0)
+        return camera_noise(sensor, self.case.microscope.fill_factor)
 
     @property
     def blur(self) -> Blur:

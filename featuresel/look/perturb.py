@@ -24,7 +24,7 @@ from microplan.featuresel.look.static_layers import (
     usual_range,
 )
 from microplan.featuresel.look.unknown_surfaces import drawn_surfaces, unknown_bodies
-from microplan.optics.lens.sensor import CountArray, Sensor, expose, to_unit
+from microplan.optics.lens.sensor import ROUNDING, CountArray, Sensor, expose, linear
 from microplan.optics.outline.outline import place
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer
@@ -53,7 +53,7 @@ def image(
     that differ in the target's pose, light and noise alone may share their `backdrop`.
     By default `moved` are the target's layers at its position; none if they are in it.
     """
-    return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
+    return linear(counts(case, trial, backdrop, moved), case.sensor)
 
 
 def counts(
@@ -213,4 +213,8 @@ def noisier(sensor: Sensor, factor: float) -> Sensor:
         # shot noise of full scale is 1 / sqrt(full well), read noise over full well
         full_well_e=sensor.full_well_e / factor**2,
         read_noise_e=sensor.read_noise_e / factor,
+        noise=tuple(
+            (count, (variance - ROUNDING) * factor**2 + ROUNDING)
+            for count, variance in sensor.noise
+        ),
     )

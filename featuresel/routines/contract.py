@@ -106,18 +106,28 @@ class Failure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraNoise:
-    """The noise of the camera, in electrons; full scale is full well."""
+    """The noise of the camera, in electrons; full scale is full well.
+
+    Where `rows` are stated they are all of it: shares of full scale and the variance of
+    a pixel there, full scale squared, rising.
+    """
 
     full_well_e: float
     read_noise_e: float  # one standard deviation
     bits: int
     fill_factor: float  # light-sensitive share of a pixel's area
+    rows: tuple[tuple[float, float], ...] = ()
+    floor: float = 0.0  # share of full scale below which the least count comes
+    ceiling: float = 1.0  # share of full scale above which the greatest comes
 
     def variance(self, image: FloatArray) -> FloatArray:
         """Return the variance of pixels, (...), by their mean, full scale squared.
 
-        Shot noise, read noise and rounding to counts.
+        Shot noise, read noise and rounding to counts; or as `rows` say.
         """
+        if self.rows:
+            stated: FloatArray = np.interp(image, *np.transpose(self.rows))
+            return stated
         read, levels = self.read_noise_e / self.full_well_e, 2**self.bits - 1
         shot = np.maximum(image, 0.0) / self.full_well_e
         noise: FloatArray = shot + read**2 + 1 / (12 * levels**2)

@@ -32,6 +32,7 @@ def predict_bias(
     *,
     poses: int,
     root_seed: int = 0,
+    power: float = 1.0,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> Mapping[Chain, PoseBias]:
     """Return the bias that the renderer predicts for each chain.
@@ -51,6 +52,8 @@ def predict_bias(
         How many poses.
     root_seed : int
         Of the poses, which chains share.
+    power : float
+        Of the light, that the camera's counts follow, while chains take them for light.
     map : callable
         As in `microplan.featuresel.trials.trials.run`; gets one pose at a time.
 
@@ -67,7 +70,7 @@ def predict_bias(
     """
     if poses < 1:
         raise ValueError(f"poses must be at least 1, got {poses}")
-    at_pose = partial(_at_pose, case, prepared)
+    at_pose = partial(_at_pose, case, prepared, power)
     seen = [o for found in map(at_pose, _poses(case, poses, root_seed)) for o in found]
     found = {}
     for chain in prepared.chains:
@@ -96,12 +99,14 @@ def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
 
 
 def _at_pose(
-    case: LookCase, prepared: PreparedRoutines, pose: Trial
+    case: LookCase, prepared: PreparedRoutines, power: float, pose: Trial
 ) -> tuple[Outcome, ...]:
     """Return what every chain says at one pose."""
     picture = nominal_render(case)(
         dx_um=pose.dx_um, dy_um=pose.dy_um, theta_rad=pose.dtheta_rad
     )
+    if power != 1:
+        picture = np.maximum(picture, 0.0) ** power
     return measure_picture(case, prepared, pose, picture)
 
 

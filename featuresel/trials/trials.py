@@ -21,7 +21,7 @@ from microplan.featuresel.routines.registry import load
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.trial_cache import Known
-from microplan.optics.lens.sensor import CountArray, to_unit
+from microplan.optics.lens.sensor import CountArray, linear
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 _AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
@@ -223,7 +223,7 @@ def _run_chunk(
             case,
             replace(prepared, chains=each.chains),
             each.trial,
-            to_unit(picture, case.sensor.bits),
+            linear(picture, case.sensor),
         )
         fresh = picture if keeps and each.picture is None else None
         found.append((outcomes, fresh))

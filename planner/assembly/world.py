@@ -280,6 +280,7 @@ def _optics(task: Task) -> WorldOptics:
         frame_time_s=1 / camera.rate_hz,
         light=task.workcell.light.level,
         light_gradient=task.workcell.light.gradient,
+        response=() if camera.response is None else camera.response.rows,
         lens=_of(WorldLens, lens, lateral_um_per_um=lateral),
         lamp_share=_lamp_share(task),
         light_kind=task.workcell.light.kind,

@@ -37,6 +37,8 @@ class PastMeasurement:
     distortion_sigma_um: float  # at the target's position
     coherence_um: float  # half-width of its displacement by partly coherent light
     coherence_rad: float = 0.0  # and of its rotation
+    response_um: float = 0.0  # the same by a camera's response that is not stated
+    response_rad: float = 0.0
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
     # `sigma_um` without the magnification error; None: the same
@@ -45,6 +47,11 @@ class PastMeasurement:
     repeatability: Repeatability | None = None  # what it is known by; None: unknown
     # what errors of its images cost, its sigma in those above; None: nothing
     model_cost: ModelCost | None = None
+
+    @property
+    def edges_rad(self) -> float:
+        """Return the half-width of its rotation by what moves edges alike."""
+        return self.coherence_rad + self.response_rad
 
     @property
     def term(self) -> str:
@@ -145,6 +152,12 @@ def looking_rows(
             "coherence: a bias of at most "
             f"{hole.coherence_um + shaft.coherence_um:.3g} um, in the lower bound of "
             "P(success), measured on dilated outlines",
+        ),
+        _row(
+            "response of the camera",
+            0.0,
+            f"response: a bias of at most {hole.response_um + shaft.response_um:.3g} "
+            "um, in the lower bound of P(success), measured on changed counts",
         ),
         _row(
             "parcentric jump of the zoom",

@@ -51,6 +51,8 @@ def remember(
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
         coherence_rad=look.coherence_rad,
+        response_um=look.response.um,
+        response_rad=look.response.rad,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
         repeatability=look.look.repeatability,

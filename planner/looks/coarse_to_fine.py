@@ -96,7 +96,11 @@ def _seen(look: CompiledLook) -> CoarseLook:
         bias_um += math.hypot(*look.model_cost.half_width_um)
     return CoarseLook(
         sigma_um=math.hypot(
-            look.look.sigma_xy_um, bias_um, look.distortion_sigma_um, look.coherence_um
+            look.look.sigma_xy_um,
+            bias_um,
+            look.distortion_sigma_um,
+            look.coherence_um,
+            look.response.um,
         ),
         sigma_theta_rad=look.look.sigma_theta_rad,
         magnification=look.look.view.magnification,

@@ -15,10 +15,16 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.planner.looks.coherence_shift import (
+from microplan.planner.looks.edge_shifts.coherence_shift import (
     CoherenceShift,
     coherence_shift,
     moved_rows,
+)
+from microplan.planner.looks.edge_shifts.response_shift import (
+    NO_SHIFT,
+    ResponseShift,
+    response_rows,
+    response_shift,
 )
 from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
 from microplan.planner.looks.evidence import LookFigures, evidence_of
@@ -107,6 +113,7 @@ class CompiledLook:
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light may move it
     coherence_rad: float = 0.0  # and turn it
+    response: ResponseShift = NO_SHIFT  # by a camera's that is not stated
     placed: LookScene
     model_cost: p.ModelCost | None = None  # at most of chain and fallback
     found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
@@ -201,15 +208,16 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         if first.charges.chain is not None:
             added_um = max(first.charges.chain.sigma_um)
             without_scale_um = math.hypot(without_scale_um, added_um)
-    shift = _coherence(problem, found)
+    shift, response = _coherence(problem, found), _response(problem, found)
     return CompiledLook(
-        look=_look(problem, decided, image, shift),
+        look=_look(problem, decided, image, shift, response),
         case=case,
         picture=image,
         arrays=arrays,
         distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
         coherence_um=shift.um,
         coherence_rad=shift.rad,
+        response=response,
         placed=look_scene(task, request.state, request.id, shape, spot),
         model_cost=_model_cost(decided),
         found=found,
@@ -249,11 +257,31 @@ def _coherence(
     return max(shifts, key=lambda shift: (shift.um, shift.rad))
 
 
+def _response(problem: LookProblem, found: Sequence[MeasuredFeature]) -> ResponseShift:
+    """Return how far a response that is not stated may move the answer, as above."""
+    context = problem.context
+    if problem.task.workcell.camera.is_response_stated:
+        return NO_SHIFT
+    shifts = [
+        context.memo.call(
+            response_shift,
+            each.tried.case,
+            each.tried.comparison.prepared,
+            each.chosen.chain,
+            root_seed=problem.task.seed,
+            map=context.map,
+        )
+        for each in found
+    ]
+    return max(shifts, key=lambda shift: (shift.um, shift.rad))
+
+
 def _look(
     problem: LookProblem,
     decided: LookDecision,
     image: Picture,
     shift: CoherenceShift,
+    response: ResponseShift,
 ) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request = problem.task, problem.request
@@ -271,6 +299,9 @@ def _look(
         effects=(
             *with_costs(decided.effects, found[0].charges),
             *moved_rows(task.workcell.optics.coherence, case, shift),
+            *response_rows(
+                case, response, is_stated=task.workcell.camera.is_response_stated
+            ),
         ),
         measure=first,
         evidence=evidence(

@@ -12,7 +12,6 @@ from microplan.featuresel.routines.contract import Target
 from microplan.optics.layers.layer_error import choose_layers
 from microplan.optics.layers.wall_error import most_shade_error
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.outline.tolerant_order import above
 from microplan.optics.render.fidelity import Fidelity, choose
@@ -64,7 +63,7 @@ def build_case(
     shape = needed_shape(task, request)
     spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
-    scope, camera = view.microscope, task.workcell.camera
+    scope = view.microscope
     spread = replace(
         tried_spread(task, request, spot, static), together_um=together_um(view, spot)
     )
@@ -99,11 +98,7 @@ def build_case(
         focus_um=view.focus_um,
         light=Illumination(gain=view.light),
         window=view.region,
-        sensor=Sensor(
-            full_well_e=camera.full_well_e,
-            read_noise_e=camera.read_noise_e,
-            bits=camera.bits,
-        ),
+        sensor=task.workcell.camera.sensor,
         target=_target(task, request, shape, spot, scope, view.region),
         model=fidelity.model,
         sampling=fidelity.sampling,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from microplan.planner.drawings.dxf.drawing import Drawing
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
 from microplan.planner.source.source import Key, Source
+from microplan.planner.task.camera.check_camera import check_camera
 from microplan.planner.task.task import Part
 from microplan.planner.task.workcell import Workcell
 
@@ -148,16 +148,7 @@ def check_workcell(cell: Checked, report: Report) -> None:
     """Report values that contradict each other."""
     _check_intervals(cell, report)
     source = cell.source
-    if cell.good("camera", "sensor_um") and cell.good("camera", "pixels"):
-        (width, height), (columns, rows) = (
-            source.data["camera"]["sensor_um"], source.data["camera"]["pixels"],
-        )  # fmt: skip
-        if not math.isclose(width / columns, height / rows, rel_tol=1e-6):
-            message = (
-                f"pixels are {width / columns:.6g} um wide and {height / rows:.6g} high"
-            )
-            hint = "sensor_um and pixels must give square pixels"
-            report.error("MP116", source.value("camera", "sensor_um"), message, hint)
+    check_camera(cell, report)
     if cell.good("optics"):
         _check_aperture(source, report)
         _check_scale(source, report)

@@ -12,12 +12,12 @@ from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.normalise import plain, plain_outline
 from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.source.source import Source
+from microplan.planner.task.camera.read_camera import read_camera
 from microplan.planner.task.check_workcell import check_fingers
 from microplan.planner.task.drawings import DrawingSheet, open_named, take
 from microplan.planner.task.finishes import interval, surface_finish
 from microplan.planner.task.light.read_light import read_coherence, read_light
 from microplan.planner.task.workcell import (
-    CameraSpec,
     Focus,
     Interval,
     Optics,
@@ -85,7 +85,7 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
     return Workcell(
         name=data["name"],
         optics=_optics(data["optics"], read_coherence(data)),
-        camera=_camera(data["camera"]),
+        camera=read_camera(data["camera"]),
         light=read_light(data["light"]),
         stage=from_data(
             Stage,
@@ -163,14 +163,6 @@ def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
         field_curvature_sigma_per_um=sigma,
         apertures=apertures if len(apertures) > 1 else (),
     )
-
-
-def _camera(raw: Mapping[str, Any]) -> CameraSpec:
-    columns, rows = raw["pixels"]
-    counts = {key: int(raw[key]) for key in ("latency_frames", "bits")}
-    pixels = {"width_px": int(columns), "height_px": int(rows)}
-    pitch_um = raw["sensor_um"][0] / columns
-    return from_data(CameraSpec, {**raw, **counts, **pixels, "pitch_um": pitch_um})
 
 
 def _axes(raw: Mapping[str, Any]) -> dict[str, Any]:

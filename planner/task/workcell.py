@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.response import Response
+from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.drawings import DrawingSheet
@@ -79,6 +81,24 @@ class CameraSpec:
     full_well_e: float
     read_noise_e: float
     exposure_ms: Interval
+    response: Response | None = None  # None: counts in proportion to light
+    is_response_stated: bool = False
+    noise: tuple[tuple[float, float], ...] = ()  # counts, variance in counts squared
+    pattern_gain: float = 0.0  # one standard deviation of pixels' gain
+    pattern_counts: float = 0.0  # one standard deviation of pixels' offset
+
+    @property
+    def sensor(self) -> Sensor:
+        """Return the sensor as images are exposed with it."""
+        return Sensor(
+            full_well_e=self.full_well_e,
+            read_noise_e=self.read_noise_e,
+            bits=self.bits,
+            response=self.response,
+            noise=self.noise,
+            pattern_gain=self.pattern_gain,
+            pattern_counts=self.pattern_counts,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

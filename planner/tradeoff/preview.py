@@ -14,7 +14,7 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import MOST_TRIALS, design
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase
-from microplan.optics.lens.sensor import Sensor, expose, to_unit
+from microplan.optics.lens.sensor import expose, linear
 from microplan.optics.render.fidelity import LADDER, choose
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Scene
@@ -224,14 +224,9 @@ def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCa
 
 def _noisy(task: Task, shown: FloatArray) -> FloatArray:
     """Return the image as the sensor gives it."""
-    camera = task.workcell.camera
-    sensor = Sensor(
-        full_well_e=camera.full_well_e,
-        read_noise_e=camera.read_noise_e,
-        bits=camera.bits,
-    )
+    sensor = task.workcell.camera.sensor
     rng = np.random.default_rng(NOISE_SEED)
-    return to_unit(expose(shown, sensor, rng), camera.bits)
+    return linear(expose(shown, sensor, rng), sensor)
 
 
 def _write(path: Path, shown: FloatArray) -> None:

@@ -52,11 +52,20 @@ def averaged(camera: CameraSpec, frames: int) -> CameraSpec:
         return camera
     step_e = camera.full_well_e / (2**camera.bits - 1)
     noise = frames * camera.read_noise_e**2 + (frames - 1) * step_e**2 / 12
+    bits = min(camera.bits + frames.bit_length() - 1, 16)
+    scale = (2**bits - 1) / (2**camera.bits - 1)  # counts of the sum over one frame's
+    response = camera.response
+    if response is not None:
+        counts = tuple(scale * count for count in response.counts)
+        response = replace(response, counts=counts)
     return replace(
         camera,
         full_well_e=frames * camera.full_well_e,
         read_noise_e=math.sqrt(noise),
-        bits=min(camera.bits + frames.bit_length() - 1, 16),
+        bits=bits,
+        response=response,
+        noise=tuple((scale * c, scale**2 * v / frames) for c, v in camera.noise),
+        pattern_counts=scale * camera.pattern_counts,
         rate_hz=camera.rate_hz / frames,
         exposure_ms=(camera.exposure_ms[0] * frames, camera.exposure_ms[1] * frames),
     )

@@ -169,6 +169,12 @@ class WorldOptics:
     lens: WorldLens = WorldLens()  # systematic errors
     lamp_share: float = 0.0  # of coaxial light's aperture in the lens'; 0: other light
     light_kind: LightKind = "coaxial"  # through the lens, from around it or from below
+    # share of full scale and the count it gives, rising; (): in proportion
+    response: tuple[tuple[float, float], ...] = ()
+    # count, and its variance with rounding, in place of electrons' noise
+    noise: tuple[tuple[float, float], ...] = ()
+    pattern_gain: float = 0.0  # one sigma of pixels' gain
+    pattern_counts: float = 0.0  # one sigma of pixels' offset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

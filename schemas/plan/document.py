@@ -56,7 +56,7 @@ def check_version(data: Any) -> None:
         raise CodecError(f"format_version {error}") from error
 
 
-FORMAT_VERSION = "2.6"
+FORMAT_VERSION = "2.7"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +99,9 @@ class Requirements:
     theta_axis_um: tuple[float, float]  # world point the stage turns about at reading 0
     # one sigma per axis of where "stage" and "robot" land; None: not told
     repeatability_um: Mapping[str, float] | None = None
+    # Added after 2.6. Count, and the share of full scale of the light that gives it,
+    # rising; (): in proportion, full scale at the top count.
+    response: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

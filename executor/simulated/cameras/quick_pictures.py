@@ -9,10 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-import numpy as np
-
 from microplan.arrays import FloatArray
-from microplan.executor.devices.drivers import Counts
 from microplan.executor.simulated.cameras.quick_outlines import outline_of
 from microplan.executor.simulated.imaging.imaging_view import LampLevel, PixelWindow
 from microplan.executor.simulated.lens import SimLens
@@ -20,7 +17,6 @@ from microplan.executor.simulated.truth import TrueBody, Truth
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
-from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -69,17 +65,6 @@ class QuickPictures:
             ),
             shift_um=self._lens.shift_um,
         )
-
-    def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture, (rows, columns) px counts."""
-        optics = self._truth.world.optics
-        sensor = Sensor(
-            full_well_e=optics.full_well_e,
-            read_noise_e=optics.read_noise_e,
-            bits=optics.bits,
-        )
-        counts: Counts = expose(image, sensor, rng)
-        return counts
 
     def _errors(self) -> LensErrors:
         """Return the lens' true errors."""

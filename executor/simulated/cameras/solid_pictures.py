@@ -9,8 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.executor.devices.drivers import Counts
-from microplan.executor.simulated.imaging.electrons import counted
 from microplan.executor.simulated.imaging.imaging_view import (
     ImagingView,
     LampLevel,
@@ -72,17 +70,6 @@ class SolidPictures:
             shift_um=lens.shift_um,
             errors=lens.errors,
             lamp=lamp,
-        )
-
-    def counts(self, image: FloatArray, rng: np.random.Generator) -> Counts:
-        """Return what the sensor makes of a picture, (rows, columns) px counts."""
-        optics = self._truth.world.optics
-        return counted(
-            image,
-            full_well_e=optics.full_well_e,
-            read_noise_e=optics.read_noise_e,
-            bits=optics.bits,
-            rng=rng,
         )
 
 

@@ -254,7 +254,7 @@ def misfits(
     value, weight = np.concatenate(values, axis=1), np.concatenate(weights, axis=1)
     target = np.concatenate(targets, axis=2).transpose(1, 0, 2)
     light = _lights(value, target, weight, job.free)
-    mean = (light[:, None] @ target)[:, 0]
+    mean = np.maximum((light[:, None] @ target)[:, 0], job.camera.floor)
     left = np.minimum((value - mean) ** 2 / job.camera.variance(mean), REJECT**2)
     count = weight.sum(axis=1)
     found = (left * weight).sum(axis=1) / np.maximum(count, 1)

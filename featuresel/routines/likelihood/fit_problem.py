@@ -103,6 +103,9 @@ def prepare_job(
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
     camera, drifts = model.camera, model.nuisances
+    if camera.rows:
+        arrays["camera_noise"] = np.array(camera.rows, dtype=np.float32)
+        numbers |= {"camera_floor": camera.floor, "camera_ceiling": camera.ceiling}
     return Artifact(
         parameters={
             **numbers,
@@ -159,6 +162,9 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             read_noise_e=p["read_noise_e"],
             bits=int(p["bits"]),
             fill_factor=p["fill_factor"],
+            rows=_rows(arrays.get("camera_noise")),
+            floor=p.get("camera_floor", 0.0),
+            ceiling=p.get("camera_ceiling", 1.0),
         ),
         free=Free(
             turn=p["turns"] > 0,
@@ -170,6 +176,13 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
         ),
         symmetry=int(p["symmetry"]),
     )
+
+
+def _rows(noise: npt.NDArray[np.float32] | None) -> tuple[tuple[float, float], ...]:
+    """Return rows of a camera's noise, (K, 2), none of none."""
+    if noise is None:
+        return ()
+    return tuple((float(share), float(variance)) for share, variance in noise)
 
 
 def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:

@@ -234,7 +234,10 @@ def _linear(
     residual = (seen.value - mean) / noise
     scale = max(1.0, 1.4826 * median(np.abs(residual)))
     ratio = residual / (REJECT * scale)
-    trusted = (np.abs(ratio) < 1) & (seen.value < _FULL) & (mean < _FULL)
+    least, most = job.camera.floor, min(job.camera.ceiling, _FULL)
+    trusted = (np.abs(ratio) < 1) & (seen.value < most) & (mean < most)
+    if least > 0:  # darkness is cut off: less light gives the same count
+        trusted &= (seen.value > least) & (mean > least)
     if trusted.sum() < FEWEST:
         return Failure("misfit", f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)

@@ -134,11 +134,11 @@ def bias_rad(seen: PastMeasurement | None, doubt: float) -> float:
         return 0.0
     known = seen.repeatability
     if known is None or known.half_width_theta_rad is None:
-        return seen.coherence_rad
+        return seen.edges_rad
     if known.answered < 2:
         return math.inf
     half_rad = half_width_factor(known.answered, doubt) * known.half_width_theta_rad
-    found_rad = abs(known.bias_theta_rad or 0.0) + half_rad + seen.coherence_rad
+    found_rad = abs(known.bias_theta_rad or 0.0) + half_rad + seen.edges_rad
     cost = seen.model_cost
     if cost is None or cost.half_width_theta_rad is None:
         return found_rad

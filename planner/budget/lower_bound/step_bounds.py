@@ -194,15 +194,19 @@ def _image_bias(
 def stated_biases(step: MeasuredStep) -> Iterator[BiasRow]:
     """Yield biases that are not of trials: what has an interval and no distribution.
 
-    Coherence moves the edges of both looks together: their sum. The camera's response
-    is a row like this one where it has a number.
+    Coherence moves the edges of both looks together, and so does a response that is
+    not stated: their sums.
     """
-    moved_um = sum(seen.coherence_um for seen in step.pair if seen is not None)
-    if moved_um > 0:
-        yield BiasRow(
-            step=step.here.step.id, term="partial coherence", half_width_um=moved_um,
-            source="workcell coherence, both looks together",
-        )  # fmt: skip
+    known = [seen for seen in step.pair if seen is not None]
+    for term, moved_um, source in (
+        ("partial coherence", sum(s.coherence_um for s in known), "coherence"),
+        ("response of the camera", sum(s.response_um for s in known), "response"),
+    ):
+        if moved_um > 0:
+            yield BiasRow(
+                step=step.here.step.id, term=term, half_width_um=moved_um,
+                source=f"workcell {source}, both looks together",
+            )  # fmt: skip
 
 
 def _lever_biases(step: MeasuredStep, doubt: float) -> Iterator[BiasRow]:

@@ -18,7 +18,7 @@ from microplan.featuresel.trials.trials import (
     measure_picture,
     period_rad,
 )
-from microplan.optics.lens.sensor import to_unit
+from microplan.optics.lens.sensor import linear
 from microplan.planner.looks.model_errors.better_models import BetterModel
 from microplan.planner.looks.model_errors.pair_pictures import (
     PairPictures,
@@ -99,12 +99,12 @@ def _at_pose(
     """Return what chains say of all pairs at one pose, and pictures that are new."""
     trial, known = pose
     made = known or pose_pictures(case, models, part, trial)
-    usual = to_unit(made.counts, case.sensor.bits)
+    usual = linear(made.counts, case.sensor)
     before = measure_picture(case, prepared, trial, usual)
     found = []
     for each in made.better:
         changed = usual.copy()
-        changed[made.part] = to_unit(each.counts, case.sensor.bits)
+        changed[made.part] = linear(each.counts, case.sensor)
         after = measure_picture(case, prepared, trial, changed)
         where = (each.model, each.end)
         found += [

@@ -16,7 +16,7 @@ from microplan.featuresel.look.scenario import LookCase, moved_layers, render_lo
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.sensor import CountArray, Sensor, expose, to_unit
+from microplan.optics.lens.sensor import CountArray, expose, linear, quantised
 from microplan.optics.render.scene import Scene, Window
 from microplan.planner.looks.model_errors.better_models import BetterModel
 
@@ -75,7 +75,7 @@ def pose_pictures(
     usual = posed_image(tried, trial, case.window)
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     counts = expose(usual, sensor, noise)
-    shown = to_unit(counts[part], sensor.bits)
+    shown = linear(counts[part], sensor)
     crop = case.window.part(*part)
     known = [(tried, usual[part])]
     better: list[BetterPicture] = []
@@ -86,7 +86,7 @@ def pose_pictures(
                 BetterPicture(
                     model=number,
                     end=end,
-                    counts=_counts(shown + sensor.gain * change, sensor),
+                    counts=quantised(shown + sensor.gain * change, sensor),
                     image_error=float(abs(change).max()),
                 )
             )
@@ -128,12 +128,6 @@ def _ends(better: BetterModel, trial: Trial) -> tuple[int, ...]:
     if not better.alternates or count == 1:
         return tuple(range(count))
     return (((trial.index // 2 + 1) // 2) % count,)
-
-
-def _counts(image: FloatArray, sensor: Sensor) -> CountArray:
-    """Return an image, 0..1, as the camera's counts, (rows, columns)."""
-    found = np.rint(np.clip(image, 0.0, 1.0) * sensor.top_count)
-    return found.astype(np.uint8) if sensor.bits <= 8 else found.astype(np.uint16)
 
 
 def posed_image(

@@ -17,7 +17,7 @@ from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.run.measure_target import look_at, look_near, to_unit
+from microplan.executor.run.measure_target import light_of, look_at, look_near
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import build_cell
 from microplan.featuresel.routines.contract import (
@@ -30,6 +30,7 @@ from microplan.featuresel.routines.template import ncc
 from microplan.schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from microplan.schemas.plan.views import CoarseFirst
 from microplan.schemas.pose import Pose
+from tests.executor.bench import plan_of
 from tests.executor.disc import (
     CENTER,
     PITCH_UM,
@@ -282,7 +283,17 @@ def test_a_camera_of_another_size_is_a_device_fault() -> None:
 @pytest.mark.parametrize("bits", [8, 12])
 def test_full_scale_is_one(bits: int) -> None:
     counts = np.array([[0, 2**bits - 1]], dtype=np.uint16)
-    np.testing.assert_array_equal(to_unit(counts, bits), [[0.0, 1.0]])
+    need = replace(plan_of(()).requirements, bits=bits)
+    np.testing.assert_array_equal(light_of(counts, need), [[0.0, 1.0]])
+
+
+def test_counts_go_back_through_the_response() -> None:
+    """Of black at 10 counts, half the light at 210 and white at 250."""
+    curve = ((10.0, 0.0), (210.0, 0.5), (250.0, 1.0))
+    need = replace(plan_of(()).requirements, response=curve)
+    counts = np.array([[6, 10, 110, 210, 230, 250, 255]], dtype=np.uint8)
+    light = [[-0.01, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0]]
+    np.testing.assert_allclose(light_of(counts, need), light, atol=1e-15)
 
 
 OFF = (8.0, -5.0)  # of the gear from where it is believed to be

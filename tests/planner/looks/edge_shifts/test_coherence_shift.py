@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.selection.random_parts import random_case
 from microplan.featuresel.features.contour import with_contour
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.trials import prepare
@@ -16,35 +15,15 @@ from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.dilation import MOST_OFFSET, differing_um, dilation_um
 from microplan.optics.coherence.edge_offsets import edge_offset_um
 from microplan.optics.outline.outline import Outline
-from microplan.optics.render.scene import Illumination, Layer
-from microplan.planner.looks.coherence_shift import (
+from microplan.optics.render.scene import Layer
+from microplan.planner.looks.edge_shifts.coherence_shift import (
     coherence_shift,
     dilated,
     edge_contrasts,
 )
-from tests.optics.shapes import disc, rectangle
+from tests.optics.shapes import rectangle
 
 ANY = Coherence(least=0.0, most=1.0, is_stated=False)
-
-
-@pytest.fixture
-def post() -> LookCase:
-    """Return a look at a bright disc of 22 um in focus over a dark ground."""
-    case = random_case(np.random.default_rng(3))
-    shape = disc(22.0)
-    layer = Layer(name="part", outline=shape, z_um=0.0, reflectance=0.75)
-    target = replace(
-        case.target, kind="circle", symmetry=0, parameters={"radius_um": 22.0}
-    )
-    return replace(
-        case,
-        static=(),
-        moving=(layer,),
-        background=0.15,
-        focus_um=0.0,
-        light=Illumination(),
-        target=with_contour(target, [shape]),
-    )
 
 
 def test_unstated_light_moves_edges_by_nothing_to_the_most(post: LookCase) -> None:
