@@ -10,6 +10,7 @@ import ast
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -79,11 +80,17 @@ def code_of(*modules: str) -> str:
         file = _file(name)
         if file is None:
             raise ValueError(f"no module {name} in {ROOT}")
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        known[name] = ast.dump(_bare(tree))
-        wanted += [other for other in _imports(tree) if _file(other)]
+        known[name], imported = _parsed(file.read_text(encoding="utf-8"))
+        wanted += [other for other in imported if _file(other)]
     text = json.dumps([sorted(known.items()), [(n, version(n)) for n in _LIBRARIES]])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=2048)  # a benchmark asks for each module by many routines
+def _parsed(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a module's code without layout, and the names that it imports."""
+    tree = ast.parse(text)
+    return ast.dump(_bare(tree)), tuple(_imports(tree))
 
 
 def _file(name: str) -> Path | None:

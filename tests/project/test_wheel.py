@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.planner.examples import copy_example, microplan, one_look
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("executor", "featuresel", "optics", "planner", "schemas")
 HANG_S = 300  # ends a test that hangs; everything here takes seconds
@@ -133,30 +135,32 @@ def test_packages_of_the_same_names_harm_neither_side(installed: Installed) -> N
     assert len(path) == 1
 
 
-def test_the_example_compiles_and_runs_beside_modules_of_the_same_names(
+def test_what_is_installed_compiles_and_runs_beside_modules_of_the_same_names(
     installed: Installed, compiled_example: Path
 ) -> None:
-    example = installed.folder / "poisoned"
-    shutil.copytree(ROOT / "examples" / "gear_on_shaft", example)
+    """One look of the example, byte for byte as by the sources; its whole plan runs."""
+    task = copy_example(installed.folder / "poisoned")
+    one_look(task)
+    poison, words = task.parent, ("--preset", "fast", "--jobs", "2")
+    by_sources = installed.folder / "by_sources"
+    done = microplan("compile", str(task), "-o", str(by_sources), *words)
+    assert done.returncode == 0, done.stderr
     for package in PACKAGES:
         text = f"raise RuntimeError('this is not microplan.{package}')\n"
-        (example / f"{package}.py").write_text(text, encoding="utf-8")
-    compiled = _run(
-        [installed.bin / "python", "-m", "microplan.planner.cli.main", "compile",
-         "task.yaml", "-o", "plan", "--preset", "fast", "--jobs", "2"],
-        example,
-    )  # fmt: skip
+        (poison / f"{package}.py").write_text(text, encoding="utf-8")
+    python = installed.bin / "python"
+    compiler = [python, "-m", "microplan.planner.cli.main", "compile", "task.yaml"]
+    compiled = _run([*compiler, "-o", "plan", *words, "--no-cache"], poison)
     assert compiled.returncode == 0, compiled.stderr
-    plan = (example / "plan" / "plan.json").read_bytes()
-    assert plan == (compiled_example / "plan.json").read_bytes()
+    plan = (poison / "plan" / "plan.json").read_bytes()
+    assert plan == (by_sources / "plan.json").read_bytes()
     run = _run(
-        [installed.bin / "python", "-m", "microplan.executor.cli.main",
-         "plan/plan.json", "--station", "sim", "--camera", "quick", "--seed", "1",
-         "--run-dir", "run"],
-        example,
+        [python, "-m", "microplan.executor.cli.main", compiled_example,
+         "--station", "sim", "--camera", "quick", "--seed", "1", "--run-dir", "run"],
+        poison,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    assert json.loads((example / "run" / "summary.json").read_text("utf-8"))["done"]
+    assert json.loads((poison / "run" / "summary.json").read_text("utf-8"))["done"]
 
 
 @pytest.mark.parametrize("command", ["microplan", "microplan-run"])
