@@ -149,8 +149,10 @@ def test_what_is_installed_compiles_and_runs_beside_modules_of_the_same_names(
         text = f"raise RuntimeError('this is not microplan.{package}')\n"
         (poison / f"{package}.py").write_text(text, encoding="utf-8")
     python = installed.bin / "python"
-    compiler = [python, "-m", "microplan.planner.cli.main", "compile", "task.yaml"]
-    compiled = _run([*compiler, "-o", "plan", *words, "--no-cache"], poison)
+    compiler: list[str | Path] = [python, "-m", "microplan.planner.cli.main", "compile"]
+    compiled = _run(
+        [*compiler, "task.yaml", "-o", "plan", *words, "--no-cache"], poison
+    )
     assert compiled.returncode == 0, compiled.stderr
     plan = (poison / "plan" / "plan.json").read_bytes()
     assert plan == (by_sources / "plan.json").read_bytes()
