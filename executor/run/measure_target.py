@@ -159,16 +159,19 @@ def light_of(counts: Counts | FloatArray, need: Requirements) -> FloatArray:
     if not need.response:
         unit: FloatArray = counts / float(2**need.bits - 1)
         return unit
-    levels, shares = np.array(need.response).T
-    slope = (shares[1] - shares[0]) / (levels[1] - levels[0])
-    below = np.minimum(counts - levels[0], 0.0) * slope
+    shares, levels = np.array(need.response).T
+    # below darkness as in the first piece, or as on the whole if that is steeper
+    slope = max((levels[1] - levels[0]) / shares[1], levels[-1] - levels[0])
+    below = np.minimum(counts - levels[0], 0.0) / slope
     light: FloatArray = np.interp(counts, levels, shares) + below
     return light
 
 
-def _lit(image: FloatArray) -> str:
+def _lit(image: FloatArray, need: Requirements) -> str:
     """Return whether a picture in which nothing was found has light in it."""
     most = float(image.max(initial=0.0))
+    if most <= light_of(np.zeros(1), need)[0]:
+        most = 0.0  # all of it is cut off
     told = f"the brightest pixel of the picture has {most:.1%} of full scale"
     return told + (": is the light on?" if most < DARK else "")
 
@@ -222,7 +225,7 @@ def _sight(
         _show(rig, look, picture, kept)
     except ExecutorError as error:
         if error.code == NOT_FOUND:
-            error.append(_lit(picture.image))
+            error.append(_lit(picture.image, rig.plan.requirements))
         raise
     try:
         names = [measure.feature or look.target for measure in look.measures]

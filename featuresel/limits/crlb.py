@@ -114,7 +114,7 @@ def weights(
     half = 0.5 / (2**camera.bits - 1)  # counts are rounded
     top = ceiling - half if ceiling >= 1 else ceiling
     bottom = half
-    if camera.rows:
+    if camera.table is not None:
         bottom, top = camera.floor or -math.inf, min(ceiling, camera.ceiling)
     low = np.clip((bottom - mean) / sigma, -_FAR, _FAR)
     high = np.clip((top - mean) / sigma, -_FAR, _FAR)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from microplan.featuresel.routines.contract import CameraNoise
 from microplan.optics.lens.sensor import Sensor, ends, noise_rows
 
@@ -14,7 +16,7 @@ def camera_noise(sensor: Sensor, fill_factor: float) -> CameraNoise:
         read_noise_e=sensor.read_noise_e,
         bits=sensor.bits,
         fill_factor=fill_factor,
-        rows=() if sensor.is_plain else noise_rows(sensor),
+        table=None if sensor.is_plain else np.transpose(noise_rows(sensor)),
         floor=floor,
         ceiling=ceiling,
     )

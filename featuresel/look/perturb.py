@@ -214,7 +214,7 @@ def noisier(sensor: Sensor, factor: float) -> Sensor:
         full_well_e=sensor.full_well_e / factor**2,
         read_noise_e=sensor.read_noise_e / factor,
         noise=tuple(
-            (count, (variance - ROUNDING) * factor**2 + ROUNDING)
+            (count, max(variance - ROUNDING, 0.0) * factor**2 + ROUNDING)
             for count, variance in sensor.noise
         ),
     )

@@ -106,27 +106,27 @@ class Failure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraNoise:
-    """The noise of the camera, in electrons; full scale is full well.
+    """The noise of the camera; full scale is full well.
 
-    Where `rows` are stated they are all of it: shares of full scale and the variance of
-    a pixel there, full scale squared, rising.
+    A `table` is all of it, whatever the electrons: (2, K) shares of full scale, rising,
+    and the variance of a pixel there, full scale squared.
     """
 
     full_well_e: float
     read_noise_e: float  # one standard deviation
     bits: int
     fill_factor: float  # light-sensitive share of a pixel's area
-    rows: tuple[tuple[float, float], ...] = ()
-    floor: float = 0.0  # share of full scale below which the least count comes
-    ceiling: float = 1.0  # share of full scale above which the greatest comes
+    table: FloatArray | None = field(default=None, compare=False)
+    floor: float = 0.0  # light below which the least count comes, of full scale
+    ceiling: float = 1.0  # light above which the greatest comes
 
     def variance(self, image: FloatArray) -> FloatArray:
         """Return the variance of pixels, (...), by their mean, full scale squared.
 
-        Shot noise, read noise and rounding to counts; or as `rows` say.
+        Shot noise, read noise and rounding to counts; or as the `table` says.
         """
-        if self.rows:
-            stated: FloatArray = np.interp(image, *np.transpose(self.rows))
+        if self.table is not None:
+            stated: FloatArray = np.interp(image, *self.table)
             return stated
         read, levels = self.read_noise_e / self.full_well_e, 2**self.bits - 1
         shot = np.maximum(image, 0.0) / self.full_well_e

@@ -11,9 +11,9 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 
-KNOTS = (
-    128  # of a power: it errs by less than .001 of the scale above .001 of the light
-)
+# of a power: its pieces err by less than .001 of the scale above .001 of the light
+KNOTS = 128
+LEAST_RISE = 1e-6  # of the scale from row to row: counts are told apart by far more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,38 +56,40 @@ class Response:
     def counts_of(self, share: FloatArray) -> FloatArray:
         """Return counts (...), not rounded, of light (...) as a share of full scale.
 
-        Below 0, as noise may be, the first piece goes on.
+        Below 0, as noise may be, with the slope of `share_of` there.
         """
-        below = np.minimum(share, 0.0) * self._slopes()[0]
+        below = np.minimum(share, 0.0) * self._slope_below
         found: FloatArray = np.interp(share, self.shares, self.counts) + below
         return found
 
     def share_of(self, counts: FloatArray) -> FloatArray:
         """Return light (...) as a share of full scale of counts (...), at most 1.
 
-        Below 0 where counts are below those of darkness, as noise may bring them.
+        Below 0 where counts are below those of darkness, as noise may bring them: with
+        the slope of the first piece, or of the whole scale if that is steeper. A
+        response that begins flat would make large lights of small noise.
         """
-        below = np.minimum(counts - self.counts[0], 0.0) / self._slopes()[0]
+        below = np.minimum(counts - self.counts[0], 0.0) / self._slope_below
         found: FloatArray = np.interp(counts, self.counts, self.shares) + below
         return found
 
-    def slope_of(self, share: FloatArray) -> FloatArray:
-        """Return counts per full scale of light (...) at shares (...), of its piece."""
-        piece = np.searchsorted(self.shares, share, side="right") - 1
-        found: FloatArray = self._slopes()[np.clip(piece, 0, len(self.shares) - 2)]
-        return found
-
-    def _slopes(self) -> FloatArray:
-        slopes: FloatArray = np.diff(self.counts) / np.diff(self.shares)
-        return slopes
+    @property
+    def _slope_below(self) -> float:
+        """Return counts per full scale of light below darkness."""
+        first = (self.counts[1] - self.counts[0]) / self.shares[1]
+        return max(first, self.counts[-1] - self.counts[0])
 
 
 def power_rows(gamma: float) -> tuple[tuple[float, float], ...]:
     """Return rows of light and level of a camera whose level is light**gamma.
 
-    Denser in the dark, where a power bends most.
+    Denser in the dark, where a power bends most; levels rise by `LEAST_RISE` at least.
     """
     if not (gamma > 0 and math.isfinite(gamma)):
         raise ValueError(f"gamma must be positive, got {gamma}")
-    lights = [(k / KNOTS) ** 2 for k in range(KNOTS + 1)]
-    return tuple((light, light**gamma) for light in lights)
+    rows = [(0.0, 0.0)]
+    for k in range(1, KNOTS):
+        light = (k / KNOTS) ** 2
+        if rows[-1][1] + LEAST_RISE < light**gamma < 1 - LEAST_RISE:
+            rows.append((light, light**gamma))
+    return (*rows, (1.0, 1.0))

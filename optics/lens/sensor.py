@@ -97,8 +97,10 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
         )
     curve = sensor.curve
     if sensor.noise:
-        levels = curve.counts_of(np.minimum(light, 1.0) * sensor.gain)
-        spread = np.sqrt(np.maximum(_variance(levels, sensor) - ROUNDING, 0.0))
+        share = np.minimum(light, 1.0) * sensor.gain
+        levels = curve.counts_of(share)
+        spread = np.sqrt(_variance(levels, sensor) - ROUNDING)
+        spread[share >= 1] = 0.0  # saturated
         counts = levels + spread * rng.standard_normal(np.shape(image))
     else:
         counts = curve.counts_of(_signal(light, sensor, rng))
@@ -118,8 +120,7 @@ def linear(counts: CountArray, sensor: Sensor) -> FloatArray:
 
 
 def quantised(image: FloatArray, sensor: Sensor) -> CountArray:
-    """Return an image (...), shares of full scale, as counts without noise."""
-    image = np.clip(image, 0.0, 1.0)
+    """Return an image (...), shares of full scale, as counts, without more noise."""
     if sensor.response is None:
         return _counted(image * sensor.top_count, sensor)
     return _counted(sensor.response.counts_of(image), sensor)
@@ -136,32 +137,35 @@ def to_unit(counts: CountArray, bits: int) -> FloatArray:
 def ends(sensor: Sensor) -> tuple[float, float]:
     """Return the shares of full scale that give the least and the greatest count.
 
-    0 where darkness gives more than no count, or is not cut off.
+    0 and 1 of a straight response; 0 where darkness gives more than no count.
     """
     if sensor.response is None:
         return 0.0, 1.0
     low, high = sensor.response.counts[0], sensor.response.counts[-1]
     least, most = sensor.response.share_of(np.array([0.5, high - 0.5])).tolist()
-    return (least if low < 0 else 0.0), most
+    return (least if low <= 0 else 0.0), most
 
 
 def noise_rows(sensor: Sensor) -> tuple[tuple[float, float], ...]:
     """Return shares of full scale and the variance of `linear` there, rising.
 
-    For a sensor that is not plain. Noise of counts is taken back through the response
-    by what one standard deviation to both sides is in light; where that lies beyond an
-    end of the counts, to the other side alone.
+    For a sensor that is not plain. Noise of counts, normal and cut off where counts
+    end, is taken back through the response at Gauss-Hermite nodes; where no light is
+    told from none, or from more, it is that of the last count that comes.
     """
     curve = sensor.curve
     stated = curve.share_of(np.array([level for level, _ in sensor.noise]))
     even = np.linspace(0.0, 1.0, _EVEN) ** 2
-    shares = np.unique(np.concatenate((even, curve.shares, stated)))
-    levels = curve.counts_of(shares)
+    shares = np.unique(np.clip(np.concatenate((even, curve.shares, stated)), 0.0, 1.0))
+    highest = min(curve.counts[-1], float(sensor.top_count))
+    levels = np.clip(curve.counts_of(shares), 0.5, highest - 0.5)
     own = _variance(levels, sensor) if sensor.noise else np.full_like(levels, ROUNDING)
     spread = np.sqrt(own + sensor.pattern_counts**2)
-    sides = np.abs([curve.share_of(levels + s * spread) - shares for s in (1, -1)])
-    is_cut = (levels + spread > curve.counts[-1]) | (levels - spread < 0)
-    variance = np.where(is_cut, sides.max(axis=0), sides.mean(axis=0)) ** 2
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    counts = np.clip(levels + spread * nodes[:, None], 0.0, highest)
+    lights = curve.share_of(counts)
+    weights = weights / weights.sum()
+    variance = weights @ lights**2 - (weights @ lights) ** 2
     variance += (sensor.pattern_gain * shares) ** 2
     if not sensor.noise:
         well_e = sensor.full_well_e / sensor.gain
@@ -170,6 +174,7 @@ def noise_rows(sensor: Sensor) -> tuple[tuple[float, float], ...]:
 
 
 _EVEN = 33  # shares besides those at which the response bends or noise is stated
+_NODES = 15  # of a normal density
 
 
 def _signal(light: FloatArray, sensor: Sensor, rng: np.random.Generator) -> FloatArray:
@@ -183,9 +188,9 @@ def _signal(light: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Floa
 
 
 def _variance(levels: FloatArray, sensor: Sensor) -> FloatArray:
-    """Return the stated variance of counts (...) at levels (...)."""
+    """Return the stated variance of counts (...) at levels (...), rounding at least."""
     found: FloatArray = np.interp(levels, *np.transpose(sensor.noise))
-    return found
+    return np.maximum(found, ROUNDING)
 
 
 def _counted(counts: FloatArray, sensor: Sensor) -> CountArray:

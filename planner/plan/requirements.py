@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from microplan.optics.lens.response import Response
 from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.task.task import Task
@@ -82,7 +81,7 @@ def requirements(
         height_px=camera.height_px,
         pitch_um=camera.pitch_um,
         bits=camera.bits,
-        response=_light_of_counts(camera.response),
+        response=() if camera.response is None else camera.response.rows,
         magnification=_range(zooms or [low]),
         focus_um=_range(_focus_stops(steps) or [0.0]),
         opening_um=_range(openings or [0.0]),
@@ -92,13 +91,6 @@ def requirements(
             name: axes_of(task, name).repeatability_xy_um for name in CARRIERS
         },
     )
-
-
-def _light_of_counts(response: Response | None) -> tuple[tuple[float, float], ...]:
-    """Return counts with their light, of a camera whose response is stated."""
-    if response is None:
-        return ()
-    return tuple((count, share) for share, count in response.rows)
 
 
 def _focus_stops(steps: Sequence[p.Step]) -> list[float]:

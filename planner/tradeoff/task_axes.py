@@ -52,20 +52,11 @@ def averaged(camera: CameraSpec, frames: int) -> CameraSpec:
         return camera
     step_e = camera.full_well_e / (2**camera.bits - 1)
     noise = frames * camera.read_noise_e**2 + (frames - 1) * step_e**2 / 12
-    bits = min(camera.bits + frames.bit_length() - 1, 16)
-    scale = (2**bits - 1) / (2**camera.bits - 1)  # counts of the sum over one frame's
-    response = camera.response
-    if response is not None:
-        counts = tuple(scale * count for count in response.counts)
-        response = replace(response, counts=counts)
     return replace(
         camera,
         full_well_e=frames * camera.full_well_e,
         read_noise_e=math.sqrt(noise),
-        bits=bits,
-        response=response,
-        noise=tuple((scale * c, scale**2 * v / frames) for c, v in camera.noise),
-        pattern_counts=scale * camera.pattern_counts,
+        bits=min(camera.bits + frames.bit_length() - 1, 16),
         rate_hz=camera.rate_hz / frames,
         exposure_ms=(camera.exposure_ms[0] * frames, camera.exposure_ms[1] * frames),
     )
@@ -96,6 +87,8 @@ def compile_methods(task: Task, vary: Vary) -> tuple[CompileMethod, ...]:
 
 def usual(task: Task, axis: Axis) -> tuple[str, ...]:
     """Return the values of an axis that is named without any."""
+    if axis == "frames" and not task.workcell.camera.sensor.is_plain:
+        return ("1",)  # each frame bends and cuts off what it has
     if axis != "zoom":
         return _USUAL[axis]
     return tuple(f"{zoom:.4g}" for zoom in ladder(task.workcell)[:_ZOOMS])
@@ -119,6 +112,8 @@ def changed(own: CompileMethod, axis: Axis, value: str, task: Task) -> CompileMe
         effort = replace(own.effort, trials=trials, random_trials=random)
         return replace(own, effort=effort)
     frames = _whole(axis, value, MOST_FRAMES)
+    if frames > 1 and not task.workcell.camera.sensor.is_plain:
+        raise ValueError("frames are summed of cameras without response or noise_table")
     if frames & (frames - 1):
         raise ValueError(f"frames must be a power of two, got {value!r}")
     return replace(own, frames=frames)

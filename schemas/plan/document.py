@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -99,9 +101,15 @@ class Requirements:
     theta_axis_um: tuple[float, float]  # world point the stage turns about at reading 0
     # one sigma per axis of where "stage" and "robot" land; None: not told
     repeatability_um: Mapping[str, float] | None = None
-    # Added after 2.6. Count, and the share of full scale of the light that gives it,
-    # rising; (): in proportion, full scale at the top count.
+    # Added after 2.6. Share of full scale of the light and the count it gives, rising;
+    # (): in proportion, full scale at the top count.
     response: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        for values in zip(*self.response, strict=True):
+            rises = all(a < b for a, b in itertools.pairwise(values))
+            if len(values) < 2 or not rises or not math.isfinite(values[-1]):
+                raise ValueError(f"response must rise, 2 rows or more, got {values}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,7 +40,8 @@ class Chip:
         if not self.response:
             return light * float(2**self.bits - 1)
         x, y = np.array(self.response).T
-        below = np.minimum(light, 0.0) * (y[1] - y[0]) / (x[1] - x[0])
+        # noise below darkness is counted as in the first piece, or as on the whole
+        below = np.minimum(light, 0.0) * max((y[1] - y[0]) / x[1], y[-1] - y[0])
         found: FloatArray = np.interp(light, x, y) + below
         return found
 
@@ -94,9 +95,10 @@ def counted(
     if pattern is not None:
         light = light * np.maximum(pattern.gain, 0.0)
     if chip.noise:
-        counts = chip.level(light)
+        counts = chip.level(np.minimum(light, 1.0))
         variance = np.interp(counts, *np.array(chip.noise).T)
-        counts = rng.normal(counts, np.sqrt(np.maximum(variance - ROUNDING, 0.0)))
+        sigma = np.sqrt(np.maximum(variance - ROUNDING, 0.0))
+        counts = rng.normal(counts, np.where(light < 1, sigma, 0.0))
     else:
         electrons = rng.poisson(chip.full_well_e * light).astype(float)
         electrons += rng.normal(0.0, chip.read_noise_e, image.shape)

@@ -9,6 +9,7 @@ of do not hold a disc.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,8 +25,9 @@ def settled_rad(corners: FloatArray, start_rad: float) -> float:
     """Return the angle to which jaws along x turn a part, rad.
 
     The bottom of the valley of the width that it starts in: that on the side where the
-    width has first fallen by FELT_UM, the lower of both sides where it falls by less. A
-    part whose width rises by FELT_UM on neither side, as a disc's, keeps its angle.
+    width has first fallen by FELT_UM; where it falls by less, that towards which it
+    begins to fall. A part whose width rises by FELT_UM on neither side, as a disc's,
+    keeps its angle.
 
     Parameters
     ----------
@@ -38,8 +40,7 @@ def settled_rad(corners: FloatArray, start_rad: float) -> float:
     valleys = [each for each in sides if each is not None]
     if not valleys:
         return start_rad
-    felt = [each for each in valleys if each[0] < math.inf]
-    _, _, bottom = min(felt or valleys, key=lambda each: each[:2])
+    bottom = min(valleys, key=lambda v: (v.fell_rad, v.next_um, v.least_um)).bottom_rad
     return _narrowest(corners, bottom - STEP_RAD, bottom + STEP_RAD)
 
 
@@ -50,28 +51,35 @@ def widths_um(corners: FloatArray, angles_rad: FloatArray) -> FloatArray:
     return found
 
 
-def _descent(
-    corners: FloatArray, start_rad: float, side: float
-) -> tuple[float, float, float] | None:
-    """Return how a width falls to one side of an angle, None where it never rises.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Descent:
+    """How a width falls to one side of an angle, up to where it rises by FELT_UM."""
 
-    The angle over which it has fallen by FELT_UM, inf if it never has, rad; the least
-    width before it rises by as much, um; its angle, rad.
-    """
+    fell_rad: float  # over which it has fallen by FELT_UM; inf: it never has
+    next_um: float  # width one step away
+    least_um: float
+    bottom_rad: float  # angle of the least width
+
+
+def _descent(corners: FloatArray, start_rad: float, side: float) -> _Descent | None:
+    """Return how a width falls to one side of an angle, None where it never rises."""
     first, least, bottom = math.inf, math.inf, start_rad
-    begin_um = 0.0
+    begin_um, next_um = 0.0, 0.0
     for block in range(math.ceil(math.pi / STEP_RAD / BLOCK)):
         first_step = block * BLOCK
         steps = STEP_RAD * np.arange(first_step, first_step + BLOCK + 1, dtype=float)
         widths = widths_um(corners, start_rad + side * steps)
-        begin_um = float(widths[0]) if block == 0 else begin_um
+        if block == 0:
+            begin_um, next_um = widths[:2].tolist()
         for step, width in zip(steps.tolist(), widths.tolist(), strict=True):
             if width < least:
                 least, bottom = width, start_rad + side * step
             if width < begin_um - FELT_UM:
                 first = min(first, step)
             if width > least + FELT_UM:
-                return first, least, bottom
+                return _Descent(
+                    fell_rad=first, next_um=next_um, least_um=least, bottom_rad=bottom
+                )
     return None
 
 

@@ -103,8 +103,8 @@ def prepare_job(
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
     camera, drifts = model.camera, model.nuisances
-    if camera.rows:
-        arrays["camera_noise"] = np.array(camera.rows, dtype=np.float32)
+    if camera.table is not None:
+        arrays["camera_noise"] = camera.table.astype(np.float32)
         numbers |= {"camera_floor": camera.floor, "camera_ceiling": camera.ceiling}
     return Artifact(
         parameters={
@@ -134,6 +134,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
     """Return images with all that they are compared with."""
     p, arrays = artifact.parameters, artifact.arrays
     front, sigmas = None, None
+    noise = arrays.get("camera_noise")
     if "front_light" in arrays:
         front = Front(
             light=arrays["front_light"],
@@ -162,7 +163,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             read_noise_e=p["read_noise_e"],
             bits=int(p["bits"]),
             fill_factor=p["fill_factor"],
-            rows=_rows(arrays.get("camera_noise")),
+            table=None if noise is None else noise.astype(np.float64),
             floor=p.get("camera_floor", 0.0),
             ceiling=p.get("camera_ceiling", 1.0),
         ),
@@ -176,13 +177,6 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
         ),
         symmetry=int(p["symmetry"]),
     )
-
-
-def _rows(noise: npt.NDArray[np.float32] | None) -> tuple[tuple[float, float], ...]:
-    """Return rows of a camera's noise, (K, 2), none of none."""
-    if noise is None:
-        return ()
-    return tuple((float(share), float(variance)) for share, variance in noise)
 
 
 def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:

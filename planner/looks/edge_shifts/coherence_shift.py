@@ -105,7 +105,7 @@ def coherence_shift(
     more_um = 0.0
     if telling.size and (np.abs(telling - main) > _ALIKE).mean() > _SHARE:
         more_um = differing_um(coherence, case.microscope)
-        moved_rad += more_um / max(_reach_um(case), more_um)
+        moved_rad += more_um / max(reach_um(case), more_um)
     return CoherenceShift(
         um=moved_um + more_um,
         rad=moved_rad,
@@ -204,7 +204,7 @@ def _grown(layer: Layer, by_um: float) -> Layer:
         return layer
 
 
-def _reach_um(case: LookCase) -> float:
+def reach_um(case: LookCase) -> float:
     """Return how far the target's edges lie from its point, um."""
     contour = np.array(case.target.contour, dtype=np.float64).reshape(-1, 4)
     return float(np.hypot(contour[:, 0], contour[:, 1]).max(initial=0.0))

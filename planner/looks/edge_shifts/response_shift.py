@@ -16,6 +16,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trials import Map, PreparedRoutines
 from microplan.optics.ledger import NM
 from microplan.optics.render.fidelity import rounded_up
+from microplan.planner.looks.edge_shifts.coherence_shift import reach_um
 from microplan.schemas.plan import EffectRow
 
 # Exponents of the counts over light that a camera may have whose response is not
@@ -60,7 +61,8 @@ def response_shift(
     -----
     Both powers are measured at the same poses as light itself; the larger difference
     counts, in full as a half-width. A chain that gives no right answer there is charged
-    `MOST_SHIFT`, what an edge from black to white moves by.
+    `MOST_SHIFT`, what an edge from black to white moves by, and the angle that it makes
+    at the target's rim.
     """
     only = replace(prepared, chains=(chain,))
 
@@ -71,12 +73,13 @@ def response_shift(
         return found.get(chain)
 
     plain = answer(1.0)
-    scope = case.microscope
+    most_um = MOST_SHIFT * case.microscope.wavelength_um / case.microscope.aperture
     moved_um, moved_rad = 0.0, 0.0
     for power in POWERS:
         there = answer(power)
         if plain is None or there is None:
-            moved_um = max(moved_um, MOST_SHIFT * scope.wavelength_um / scope.aperture)
+            moved_um = max(moved_um, most_um)
+            moved_rad = max(moved_rad, most_um / max(reach_um(case), most_um))
             continue
         x, y, theta = (b - a for a, b in zip(plain, there, strict=True))
         moved_um = max(moved_um, math.hypot(x, y))

@@ -16,7 +16,7 @@ from microplan.featuresel.look.scenario import LookCase, moved_layers, render_lo
 from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.sensor import CountArray, expose, linear, quantised
+from microplan.optics.lens.sensor import CountArray, ends, expose, linear, quantised
 from microplan.optics.render.scene import Scene, Window
 from microplan.planner.looks.model_errors.better_models import BetterModel
 
@@ -76,6 +76,10 @@ def pose_pictures(
     noise = np.random.default_rng(np.random.SeedSequence(trial.seed))
     counts = expose(usual, sensor, noise)
     shown = linear(counts[part], sensor)
+    least, _ = ends(sensor)
+    if least > 0:  # no count tells how dark it is where darkness is cut off
+        dark = np.minimum(shown, sensor.gain * usual[part])
+        shown = np.where(counts[part] == 0, dark, shown)
     crop = case.window.part(*part)
     known = [(tried, usual[part])]
     better: list[BetterPicture] = []

@@ -6,10 +6,12 @@ import itertools
 import math
 from collections.abc import Sequence
 
+from microplan.optics.lens.response import LEAST_RISE
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.source.schema import Checked
 
 BITS = 8  # of a camera that states none
+FEWEST = 8  # counts between darkness and saturation: with fewer nothing is measured
 
 
 def check_camera(cell: Checked, report: Report) -> None:
@@ -46,14 +48,17 @@ def _check_levels(cell: Checked, report: Report) -> None:
     top = 2 ** int(bits or BITS) - 1
     darkest = 0.0 if black is None else black
     brightest = top if white is None else white
+    left = brightest - max(darkest, 0)
     if white is not None and white > top:
         at = cell.source.value("camera", "white_level")
-        message = f"white_level {white:g} is above {top}, the top count of {bits} bits"
+        message = f"white_level {white:g} is above {top}, the top count of "
+        message += f"{bits or BITS} bits"
         report.error("MP116", at, message, "state the count of a saturated pixel")
-    elif darkest >= brightest:
+    elif left < FEWEST:
         key = "black_level" if black is not None else "white_level"
         at = cell.source.value("camera", key)
-        message = f"black_level {darkest:g} is not below white_level {brightest:g}"
+        message = f"black_level {darkest:g} leaves {left:g} counts up to white_level "
+        message += f"{brightest:g}, {FEWEST} at least are needed"
         hint = "both in counts: without light, and saturated"
         report.error("MP116", at, message, hint)
 
@@ -79,15 +84,19 @@ def _check_noise(cell: Checked, report: Report) -> None:
     rows = cell.source.get("camera", "noise_table")
     if not (cell.good("camera", "noise_table") and isinstance(rows, list)):
         return
-    if not _rises([level for level, _ in rows]):
-        at = cell.source.value("camera", "noise_table")
+    at = cell.source.value("camera", "noise_table")
+    top = 2 ** int(cell.source.get("camera", "bits") or BITS) - 1
+    if max(level for level, _ in rows) > top and cell.good("camera", "bits"):
+        message = f"noise_table has levels above {top}, the top count"
+        report.error("MP116", at, message, "state levels in counts")
+    elif not _rises([level for level, _ in rows]):
         message = f"levels of noise_table must rise, got {_listed(rows)}"
         hint = "rows of level in counts and variance in counts squared"
         report.error("MP116", at, message, hint)
 
 
 def _rises(values: Sequence[float]) -> bool:
-    return all(a < b for a, b in itertools.pairwise(values))
+    return all(a + LEAST_RISE < b for a, b in itertools.pairwise(values))
 
 
 def _listed(rows: Sequence[Sequence[float]]) -> str:

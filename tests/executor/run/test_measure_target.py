@@ -289,11 +289,37 @@ def test_full_scale_is_one(bits: int) -> None:
 
 def test_counts_go_back_through_the_response() -> None:
     """Of black at 10 counts, half the light at 210 and white at 250."""
-    curve = ((10.0, 0.0), (210.0, 0.5), (250.0, 1.0))
+    curve = ((0.0, 10.0), (0.5, 210.0), (1.0, 250.0))
     need = replace(plan_of(()).requirements, response=curve)
     counts = np.array([[6, 10, 110, 210, 230, 250, 255]], dtype=np.uint8)
     light = [[-0.01, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0]]
     np.testing.assert_allclose(light_of(counts, need), light, atol=1e-15)
+
+
+def test_a_picture_that_is_cut_off_everywhere_has_no_light() -> None:
+    rig, found = seeing(1.0, 0.0)
+    curve = ((0.0, -30.0), (1.0, 255.0))
+    need = replace(rig.plan.requirements, response=curve)
+    rig.plan = replace(rig.plan, requirements=need)
+    shape = rig.station.camera.grab(found.measure.region, after_s=0.0).counts.shape
+    dark = PictureCamera(lambda _: np.zeros(shape, dtype=np.uint8))
+    rig.station = replace(rig.station, camera=dark)
+    with pytest.raises(ExecutorError, match="is the light on?"):
+        look_at(rig, found)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        ((0.0, 5.0),),
+        ((0.0, 5.0), (1.0, 5.0)),
+        ((0.0, 9.0), (1.0, 5.0)),
+        ((0.0, 5.0), (1.0, math.inf)),
+    ],
+)
+def test_a_plans_response_rises(curve: tuple[tuple[float, float], ...]) -> None:
+    with pytest.raises(ValueError, match="response must rise"):
+        replace(plan_of(()).requirements, response=curve)
 
 
 OFF = (8.0, -5.0)  # of the gear from where it is believed to be

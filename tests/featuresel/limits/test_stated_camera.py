@@ -1,7 +1,7 @@
 """Measured with a camera that bends, cuts darkness off and has its own noise.
 
 Its noise falls with the light, as that of machine-vision cameras with a response does;
-More than half of the ground is exactly 0.
+most of the ground is exactly 0.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from microplan.executor.simulated.imaging.electrons import Chip, counted
 from microplan.optics.lens.response import Response, power_rows
 from microplan.optics.lens.sensor import Sensor, ends, expose, linear, noise_rows
 
@@ -114,3 +115,66 @@ def test_stated_noise_rises_and_is_no_less_than_none(
 ) -> None:
     with pytest.raises(ValueError, match="noise"):
         Sensor(full_well_e=1, read_noise_e=0, bits=8, noise=noise)
+
+
+@pytest.mark.parametrize("gamma", [0.45, 1.4, 2.2, 5.0])
+def test_noise_below_darkness_is_no_large_light(gamma: float) -> None:
+    """A power above 1 begins flat: counts below black are not divided by that."""
+    response = Response.from_levels(power_rows(gamma), black=10.0, white=250.0)
+    below = response.share_of(np.arange(0.0, 10.0))
+    assert (below <= 0).all()
+    assert below.min() >= -10 / 240
+    np.testing.assert_allclose(response.counts_of(below), np.arange(0.0, 10.0))
+
+
+@pytest.mark.parametrize("light", [0.0, 0.02, 0.04, 0.1, 0.5, 0.95])
+@pytest.mark.parametrize("black", [-5.0, 0.0, 10.0])
+@pytest.mark.parametrize("gamma", [1.4, 2.2])
+def test_noise_of_a_response_that_begins_flat_is_that_of_frames(
+    gamma: float, black: float, light: float
+) -> None:
+    response = Response.from_levels(power_rows(gamma), black=black, white=250.0)
+    sensor = Sensor(
+        full_well_e=1,
+        read_noise_e=0,
+        bits=8,
+        response=response,
+        noise=((0, 4), (250, 9)),
+    )
+    light = max(light, ends(sensor)[0])  # below it nothing is told
+    frame = expose(np.full(N, light), sensor, np.random.default_rng(7))
+    stated = float(np.interp(light, *np.transpose(noise_rows(sensor))))
+    assert linear(frame, sensor).std() == pytest.approx(math.sqrt(stated), rel=0.2)
+
+
+def test_no_noise_is_less_than_rounding() -> None:
+    sensor = Sensor(full_well_e=1, read_noise_e=0, bits=8, noise=((0, 0), (255, 0)))
+    stated = np.array(noise_rows(sensor))[:, 1]
+    assert stated.min() >= 0.9 / 12 / 255**2
+    seen = linear(expose(np.full(N, 0.5), sensor, np.random.default_rng(0)), sensor)
+    assert np.ptp(seen) <= 1 / 255
+
+
+@pytest.mark.parametrize("noise", [(), ((0.0, 9.0), (250.0, 2.0))])
+@pytest.mark.parametrize("response", [None, GAMMA])
+def test_the_cells_chip_and_the_compilers_sensor_mean_the_same(
+    noise: tuple[tuple[float, float], ...], response: Response | None
+) -> None:
+    """Written apart; by light up to beyond saturation."""
+    light = np.repeat(np.linspace(0.0, 1.5, 31), 4000)
+    sensor = Sensor(
+        full_well_e=9e3, read_noise_e=8, bits=8, response=response, noise=noise
+    )
+    rows = () if response is None else response.rows
+    chip = Chip(full_well_e=9e3, read_noise_e=8, bits=8, noise=noise, response=rows)
+    one, other = (
+        np.asarray(frame, dtype=float).reshape(31, -1)
+        for frame in (
+            expose(light, sensor, np.random.default_rng(1)),
+            counted(light[None], chip, np.random.default_rng(2)),
+        )
+    )
+    sigma = np.sqrt(one.var(axis=1) + other.var(axis=1)).max()
+    apart = np.abs(one.mean(axis=1) - other.mean(axis=1))
+    assert apart.max() <= 5 * sigma / math.sqrt(4000)
+    assert (one[-1] == other[-1]).all()  # saturated, without noise

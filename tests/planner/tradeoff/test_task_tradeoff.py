@@ -97,6 +97,16 @@ def test_values_that_cannot_be_are_said_before_anything_is_done(
     assert not out.exists()
 
 
+def test_frames_of_a_camera_that_bends_or_cuts_off_are_not_summed() -> None:
+    task = read(EXAMPLE / "task.yaml")
+    camera = replace(task.workcell.camera, noise=((10.0, 25.0), (240.0, 2.0)))
+    bent = replace(task, workcell=replace(task.workcell, camera=camera))
+    with pytest.raises(ValueError, match="without response or noise_table"):
+        compile_methods(bent, parse_vary("frames=4"))
+    assert len(compile_methods(bent, parse_vary("frames"))) == 1
+    assert len(compile_methods(task, parse_vary("frames"))) == 3
+
+
 @pytest.mark.parametrize("frames", [2, 16])
 def test_an_averaged_frame_is_the_mean_of_frames(frames: int) -> None:
     """Mean and variance of one frame of the averaged camera, and of drawn frames."""

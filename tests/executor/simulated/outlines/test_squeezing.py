@@ -91,3 +91,11 @@ def test_jaws_rest_where_the_compiler_says_that_they_may(
     assert after <= before + 1e-9
     near = min(abs(math.remainder(settled - r.theta_rad, math.pi)) for r in rests)
     assert near < 1e-5  # rests are rounded
+
+
+@pytest.mark.parametrize("share", [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2])
+def test_jaws_do_not_climb_a_ridge_that_they_hardly_feel(share: float) -> None:
+    """90 corners: flats every 4 degrees, valleys of .06 um between them."""
+    flat, pitch = math.pi / 90, 2 * math.pi / 90
+    found = settled_rad(around(90, 50.0), flat + share * pitch)
+    assert found == pytest.approx(flat, abs=EXACT)

@@ -68,8 +68,11 @@ def test_noise_and_pattern_are_the_sensors(tmp_path: Path) -> None:
         ("response: [[0, 0.1], [1, 1]]", "[[0, 0.1]", "[0, 0.1] to [1, 1]"),
         ("response: [[0, 0], [0.9, 1]]", "[[0, 0]", "[0, 0] to [0.9, 1]"),
         ("white_level: 300", "300", "above 255, the top count of 8 bits"),
-        ("black_level: 90, white_level: 80", "90", "not below white_level 80"),
-        ("black_level: 255", "255", "not below white_level 255"),
+        ("black_level: 90, white_level: 80", "90", "leaves -10 counts"),
+        ("black_level: 250", "250", "leaves 5 counts up to white_level 255, 8 at"),
+        ("black_level: -20, white_level: 0.4", "-20", "leaves 0.4 counts"),
+        ("response: [[0, 0], [0.5, 1.0e-18], [1, 1]]", "[[0, 0]", "must rise"),
+        ("noise_table: [[10, 4], [256, 1]]", "[[10, 4]", "levels above 255"),
         ("noise_table: [[9, 2], [9, 3]]", "[[9, 2]", "must rise, got [9, 2], [9, 3]"),
     ],
 )
@@ -90,6 +93,8 @@ def test_numbers_that_contradict_each_other_are_found_at_their_line(
     "text",
     [
         "response: 0",
+        "response: 1.0e-18",
+        "response: true",
         "response: [[0, 0]]",
         "response: [[0, 0, 0], [1, 1, 1]]",
         "response: gamma",
