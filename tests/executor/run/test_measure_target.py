@@ -304,7 +304,7 @@ def test_a_picture_that_is_cut_off_everywhere_has_no_light() -> None:
     shape = rig.station.camera.grab(found.measure.region, after_s=0.0).counts.shape
     dark = PictureCamera(lambda _: np.zeros(shape, dtype=np.uint8))
     rig.station = replace(rig.station, camera=dark)
-    with pytest.raises(ExecutorError, match="is the light on?"):
+    with pytest.raises(ExecutorError, match=r"is the light on\?"):
         look_at(rig, found)
 
 
