@@ -222,13 +222,18 @@ def _kind(rule: Rule, schema: Rule) -> str:
     kinds = [kinds] if isinstance(kinds, str) else kinds
     if kinds == ["object"] and isinstance(rule.get("additionalProperties"), dict):
         inner = _full(rule["additionalProperties"], schema)
-        return f"table of {_kind(inner, schema)}s".replace("table of tables", "tables")
+        plural = _plural(_kind(inner, schema))
+        return f"table of {plural}".replace("table of tables", "tables")
     if kinds == ["array"]:
         inner = rule["items"] if isinstance(rule.get("items"), dict) else None
         inner = inner or next(iter(rule.get("prefixItems", [])), {})
         word = _kind(_full(inner, schema), schema)
-        return "list of names" if word == "one of" else f"list of {word}s"
+        return "list of names" if word == "one of" else f"list of {_plural(word)}"
     return " or ".join(KINDS[kind] for kind in kinds)
+
+
+def _plural(word: str) -> str:
+    return f"lists{word[4:]}" if word.startswith("list") else f"{word}s"
 
 
 def _unit(key: str, rule: Rule, schema: Rule) -> str:

@@ -189,9 +189,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         read = read_picture(path, seer.plan.requirements, region, seer.bits)
     except ExecutorError as error:
         return Finding(name=path.name, code=error.code, why=error.message)
-    image, need = read.image, seer.plan.requirements
-    if need.response:
-        image = light_of(image * (2**need.bits - 1), need)
+    image = _light(read.image, seer.plan)
     part = cut(image, region)
     picture = Picture(
         image=part,
@@ -306,7 +304,13 @@ def _reference(plan: Plan, look: Look, folder: Path) -> RegionStatistics | None:
     region = look.measure.region
     try:
         path = folder / look.scene.image
-        image = read_picture(path, plan.requirements, region).image
+        image = _light(read_picture(path, plan.requirements, region).image, plan)
     except ExecutorError:
         return None
     return appearance(cut(image, region))
+
+
+def _light(image: FloatArray, plan: Plan) -> FloatArray:
+    """Return the light of a picture as read, both as shares of full scale."""
+    need = plan.requirements
+    return light_of(image * (2**need.bits - 1), need) if need.response else image

@@ -126,6 +126,13 @@ def quantised(image: FloatArray, sensor: Sensor) -> CountArray:
     return _counted(sensor.response.counts_of(image), sensor)
 
 
+def as_shown(image: FloatArray, sensor: Sensor) -> FloatArray:
+    """Return an image (...), light, as mean counts over the top count, 0..1."""
+    if sensor.response is None:
+        return np.clip(image, 0.0, 1.0)
+    return np.clip(sensor.response.counts_of(image) / sensor.top_count, 0.0, 1.0)
+
+
 def to_unit(counts: CountArray, bits: int) -> FloatArray:
     """Return counts (...) as float64 shares of the top count, 0..1."""
     if not 1 <= bits <= 16:

@@ -15,6 +15,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
+from microplan.optics.lens.sensor import as_shown
 from microplan.planner.looks.edge_shifts.coherence_shift import (
     CoherenceShift,
     coherence_shift,
@@ -320,6 +321,7 @@ def reference_image(
 ) -> Picture:
     """Return the whole frame at the nominal state by the exact model, 8 bit.
 
+    As the camera counts it, its response included.
     What the case's fidelity was chosen for is its region.
     """
     cell, scope = task.workcell, case.microscope
@@ -327,4 +329,4 @@ def reference_image(
     image = frame(
         cell, seen, scope, focus_um=case.focus_um, level=case.light.gain, memo=memo
     )
-    return picture(image)
+    return picture(as_shown(image, case.sensor))

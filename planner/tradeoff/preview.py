@@ -14,7 +14,7 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import MOST_TRIALS, design
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase
-from microplan.optics.lens.sensor import expose, linear
+from microplan.optics.lens.sensor import as_shown, expose, to_unit
 from microplan.optics.render.fidelity import LADDER, choose
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Scene
@@ -124,8 +124,12 @@ def _frame(
         sampling=sampling,
     )
     shown = np.clip(shown, 0.0, 1.0)
+    sensor = task.workcell.camera.sensor
     if call.noise:
-        shown = _noisy(task, shown)
+        rng = np.random.default_rng(NOISE_SEED)
+        shown = to_unit(expose(shown, sensor, rng), sensor.bits)
+    else:
+        shown = as_shown(shown, sensor)
     said = f"{call.step} at {scope.magnification:.4g} x, focus {focus_um:g} um, {model}"
     return shown, said
 
@@ -220,13 +224,6 @@ def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCa
             return build_case(task, look, view, limit)[0]
     tried = ", ".join(f"{v.microscope.magnification:.6g}" for v in settings)
     raise RenderError("MP404", f"{look.id} is tried at {tried or 'no'} x only")
-
-
-def _noisy(task: Task, shown: FloatArray) -> FloatArray:
-    """Return the image as the sensor gives it."""
-    sensor = task.workcell.camera.sensor
-    rng = np.random.default_rng(NOISE_SEED)
-    return linear(expose(shown, sensor, rng), sensor)
 
 
 def _write(path: Path, shown: FloatArray) -> None:

@@ -54,6 +54,13 @@ def _check_levels(cell: Checked, report: Report) -> None:
         message = f"white_level {white:g} is above {top}, the top count of "
         message += f"{bits or BITS} bits"
         report.error("MP116", at, message, "state the count of a saturated pixel")
+    elif darkest < -brightest:
+        at = cell.source.value("camera", "black_level")
+        message = (
+            f"black_level {darkest:g} cuts off more than half of all levels up to "
+        )
+        message += f"white_level {brightest:g}"
+        report.error("MP116", at, message, "state the count that no light would give")
     elif left < FEWEST:
         key = "black_level" if black is not None else "white_level"
         at = cell.source.value("camera", key)
@@ -86,7 +93,12 @@ def _check_noise(cell: Checked, report: Report) -> None:
         return
     at = cell.source.value("camera", "noise_table")
     top = 2 ** int(cell.source.get("camera", "bits") or BITS) - 1
-    if max(level for level, _ in rows) > top and cell.good("camera", "bits"):
+    if max(variance for _, variance in rows) > (top / 2) ** 2:
+        message = (
+            f"noise_table has variances above {(top / 2) ** 2:g}, of half the scale"
+        )
+        report.error("MP116", at, message, "state variances in counts squared")
+    elif max(level for level, _ in rows) > top and cell.good("camera", "bits"):
         message = f"noise_table has levels above {top}, the top count"
         report.error("MP116", at, message, "state levels in counts")
     elif not _rises([level for level, _ in rows]):
