@@ -231,6 +231,9 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
         kinds = [limit] if isinstance(limit, str) else limit
         wanted = " or ".join(_TYPES[kind] for kind in kinds)
         hint = as_kind(kinds, value, at)
+        examples = _rule(error).get("examples", ())
+        if examples and (not hint or kinds == ["array"]):
+            hint = f"as {_written(examples[0])}"
         return "MP101", f"{at} must be {wanted}, got {show(value)}", hint
     if rule in ("enum", "const"):
         choices = [str(item) for item in ([limit] if rule == "const" else limit)]
@@ -241,7 +244,8 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
         "minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most",
     }  # fmt: skip
     if rule in bounds:
-        return "MP103", f"{at} must be {bounds[rule]} {limit}, got {value}", ""
+        hint = _rule(error).get("description", "")
+        return "MP103", f"{at} must be {bounds[rule]} {limit}, got {value}", hint
     counts = {
         "minItems": "at least", "maxItems": "at most",
         "minProperties": "at least", "maxProperties": "at most",
@@ -263,6 +267,15 @@ def _rule(error: ValidationError) -> Any:
 def _value(error: ValidationError) -> Any:
     """Return the value that broke it."""
     return error.instance
+
+
+def _written(example: object) -> str:
+    """Return an example as it stands in a file."""
+    if isinstance(example, dict):
+        return (
+            "{" + ", ".join(f"{key}: {value}" for key, value in example.items()) + "}"
+        )
+    return str(example)
 
 
 def _allowed(keys: Iterable[str]) -> str:

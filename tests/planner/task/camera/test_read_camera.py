@@ -92,6 +92,23 @@ def test_numbers_that_contradict_each_other_are_found_at_their_line(
 
 
 @pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("noise_table: [8, 25]", "as [10, 25]"),
+        ("noise_table: {8: 25}", "as [[10, 25], [240, 2]]"),
+        ("response: [[0, 8], [1, 247]]", "light or level, a share of its range"),
+        ("response: '0.45'", "write 0.45"),
+        ("response: bright", "as 0.45"),
+        ("pattern: 0.01", "as {gain: 0.01, offset_counts: 1}"),
+    ],
+)
+def test_a_hint_says_how_it_is_written(tmp_path: Path, text: str, hint: str) -> None:
+    task, found = loaded(tmp_path, stated(text))
+    assert task is None
+    assert {d.hint for d in found if d.severity == "error"} == {hint}
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "response: 0",
