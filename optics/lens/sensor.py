@@ -99,8 +99,8 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     if sensor.noise:
         share = np.minimum(light, 1.0) * sensor.gain
         levels = curve.counts_of(share)
-        spread = np.sqrt(_variance(levels, sensor) - ROUNDING)
-        spread[share >= 1] = 0.0  # saturated
+        variance = _variance(levels, sensor) - ROUNDING
+        spread = np.where(share < 1, np.sqrt(variance), 0.0)  # else it is saturated
         counts = levels + spread * rng.standard_normal(np.shape(image))
     else:
         counts = curve.counts_of(_signal(light, sensor, rng))

@@ -147,6 +147,13 @@ def test_noise_of_a_response_that_begins_flat_is_that_of_frames(
     assert linear(frame, sensor).std() == pytest.approx(math.sqrt(stated), rel=0.2)
 
 
+def test_one_pixel_is_exposed_as_many_are() -> None:
+    for light in (0.3, 1.2):
+        count = expose(np.array(light), STATED, np.random.default_rng(0))
+        assert count.shape == ()
+        assert 0 < int(count) <= 247
+
+
 def test_no_noise_is_less_than_rounding() -> None:
     sensor = Sensor(full_well_e=1, read_noise_e=0, bits=8, noise=((0, 0), (255, 0)))
     stated = np.array(noise_rows(sensor))[:, 1]
