@@ -27,6 +27,7 @@ from microplan.featuresel.routines.contract import (
     Target,
 )
 from microplan.featuresel.routines.template import ncc
+from microplan.optics.lens.response import Response, power_rows
 from microplan.schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from microplan.schemas.plan.views import CoarseFirst
 from microplan.schemas.pose import Pose
@@ -294,6 +295,20 @@ def test_counts_go_back_through_the_response() -> None:
     counts = np.array([[6, 10, 110, 210, 230, 250, 255]], dtype=np.uint8)
     light = [[-0.01, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0]]
     np.testing.assert_allclose(light_of(counts, need), light, atol=1e-15)
+
+
+@pytest.mark.parametrize("gamma", [0.45, 2.2])
+@pytest.mark.parametrize("black", [-6.0, 0.0, 12.5])
+def test_runs_take_counts_for_the_light_that_trials_took(
+    gamma: float, black: float
+) -> None:
+    """The runtime has no optics: it has the formula once more."""
+    response = Response.from_levels(power_rows(gamma), black=black, white=247.0)
+    need = replace(plan_of(()).requirements, response=response.rows)
+    counts = np.arange(256, dtype=np.uint8)
+    np.testing.assert_allclose(
+        light_of(counts, need), response.share_of(counts.astype(float)), atol=1e-15
+    )
 
 
 def test_a_picture_that_is_cut_off_everywhere_has_no_light() -> None:
