@@ -259,7 +259,7 @@ def _coherence(
 
 
 def _response(problem: LookProblem, found: Sequence[MeasuredFeature]) -> ResponseShift:
-    """Return how far a response that is not stated may move the answer, as above."""
+    """Return how far an unstated response may move the answer: the most of all."""
     context = problem.context
     if problem.task.workcell.camera.is_response_stated:
         return NO_SHIFT

@@ -94,9 +94,8 @@ def _check_noise(cell: Checked, report: Report) -> None:
     at = cell.source.value("camera", "noise_table")
     top = 2 ** int(cell.source.get("camera", "bits") or BITS) - 1
     if max(variance for _, variance in rows) > (top / 2) ** 2:
-        message = (
-            f"noise_table has variances above {(top / 2) ** 2:g}, of half the scale"
-        )
+        message = f"noise_table has variances above {(top / 2) ** 2:g}, the square of "
+        message += "half the scale"
         report.error("MP116", at, message, "state variances in counts squared")
     elif max(level for level, _ in rows) > top and cell.good("camera", "bits"):
         message = f"noise_table has levels above {top}, the top count"
