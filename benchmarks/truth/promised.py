@@ -9,6 +9,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.schemas.plan import Look, ModelCost, Plan, Repeatability
+from microplan.schemas.plan.measures import MOST_SPARED
 
 # Rows of the ledger that neither the trials nor the cell image: what they cost is
 # promised for, and nothing on the cell's pictures could meet it.
@@ -28,7 +29,7 @@ class Promise:
 def promised(look: Look) -> Promise:
     """Return what a plan promises of a look's answers on the cell's pictures.
 
-    Sigma is that of the trials, and of what better images change, by axis: the plan
+    Sigma is that of the trials with what better images change, by axis: the plan
     states the larger axis' for both, which is no standard deviation of the other.
 
     Raises
@@ -42,7 +43,7 @@ def promised(look: Look) -> Promise:
     bias, half, sigma = _unseen(look)
     return Promise(
         trials=known.trials,
-        sigma_um=_pair(np.hypot(known.sigma_um, _left(look.model_cost, sigma))),
+        sigma_um=_pair(_charged_um(np.array(known.sigma_um), look.model_cost, sigma)),
         half_width_um=_pair(np.maximum(_half_width(look, known) - half, 0.0)),
         unseen_bias_um=_pair(bias),
     )
@@ -64,11 +65,16 @@ def _unseen(look: Look) -> FloatArray:
     return found
 
 
-def _left(cost: ModelCost | None, unseen_um: FloatArray) -> FloatArray:
-    """Return sigma of what better images change, without the unseen, (2,) um."""
-    total = np.zeros(2) if cost is None else np.array(cost.sigma_um)
-    left: FloatArray = np.maximum(total - unseen_um, 0.0)
-    return left
+def _charged_um(
+    sigma_um: FloatArray, cost: ModelCost | None, unseen_um: FloatArray
+) -> FloatArray:
+    """Return sigma with what better images change, but for the unseen, (2,) um."""
+    if cost is None:
+        return sigma_um
+    more_um = np.maximum(np.array(cost.sigma_um) - unseen_um, 0.0)
+    less_um = np.minimum(cost.spared_um, MOST_SPARED * sigma_um)
+    found: FloatArray = np.sqrt(sigma_um**2 + more_um**2 - less_um**2)
+    return found
 
 
 def _half_width(look: Look, known: Repeatability) -> FloatArray:

@@ -207,8 +207,7 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
         if first.charges.chain is not None:
-            added_um = max(first.charges.chain.sigma_um)
-            without_scale_um = math.hypot(without_scale_um, added_um)
+            without_scale_um = first.charges.chain.charged_um(without_scale_um)
     shift, response = _coherence(problem, found), _response(problem, found)
     return CompiledLook(
         look=_look(problem, decided, image, shift, response),

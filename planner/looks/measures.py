@@ -85,9 +85,7 @@ def measure_record(
         ),
         bias_um=_with_model(chosen.bias_um, found.charges.chain),
         jacobian_px_per_um=_jacobian(case),
-        sigma_xy_um=math.hypot(
-            (found.sigma_um or chosen.sigma_um) or 0.0, _model_um(found.charges.chain)
-        ),
+        sigma_xy_um=_charged_um(found.sigma_um or chosen.sigma_um, found.charges.chain),
         sigma_theta_rad=_sigma_theta_rad(found),
         limit_xy_um=found.chosen.limit_um,
         gates=gates,
@@ -129,16 +127,17 @@ def _with_model(
     return (x + cost.bias_um[0], y + cost.bias_um[1])
 
 
-def _model_um(cost: p.ModelCost | None) -> float:
-    """Return sigma of what images' errors cost, the larger axis; 0 of none."""
-    return 0.0 if cost is None else max(cost.sigma_um)
+def _charged_um(sigma_um: float | None, cost: p.ModelCost | None) -> float:
+    """Return sigma of trials with what images' errors change of it; None is 0."""
+    own_um = sigma_um or 0.0
+    return own_um if cost is None else cost.charged_um(own_um)
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.promised.sigma_um or 0.0, found.sigma_um or 0.0
     more = math.sqrt(max(counts**2 - own**2, 0.0))
-    return math.hypot(spare.sigma_um or 0.0, more, _model_um(found.charges.fallback))
+    return math.hypot(_charged_um(spare.sigma_um, found.charges.fallback), more)
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:

@@ -5,10 +5,14 @@ Lengths are um and angles rad unless a name says otherwise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from microplan.schemas.pose import Pose
+
+# share of a sigma of trials that few pairs of images can spare: they keep half of it
+MOST_SPARED = math.sqrt(3) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +119,17 @@ class ModelCost:
     # of `sigma_um` counts; None in plans of before: it is `sigma_um`
     spread_um: tuple[float, float] | None = None
     spread_theta_rad: float | None = None  # as `spread_um`; None: as above
+    # by which they make that of the trials smaller instead, in squares, beyond its
+    # standard error; off a measure's `sigma_xy_um`. Added after 2.6
+    spared_um: tuple[float, float] = (0.0, 0.0)
+
+    def charged_um(self, sigma_um: float) -> float:
+        """Return sigma of answers per axis, um, from that of trials `sigma_um`.
+
+        Of both axes the larger cost counts, and at most the smaller is spared.
+        """
+        spared_um = min(*self.spared_um, MOST_SPARED * sigma_um)
+        return math.sqrt(sigma_um**2 - spared_um**2 + max(self.sigma_um) ** 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,8 +43,8 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
     if known is None:
         return seen
     factor = sigma_factor(known.answered, known.kurtosis, doubt)
-    model_um, grown_um = _model_um(cost, doubt)
-    parts = (seen.moved_um, model_um, grown_um)
+    model_um2, grown_um = _model_um(cost, doubt)
+    parts = (seen.moved_um, model_um2, grown_um)
     turn = seen.sigma_theta_rad
     if turn and known.kurtosis_theta is not None:
         turn_factor = sigma_factor(known.answered, known.kurtosis_theta, doubt)
@@ -64,12 +64,15 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
 
 
 def _model_um(cost: ModelCost | None, doubt: float) -> tuple[float, float]:
-    """Return sigma by errors of images, um, as it is and at its upper bound."""
+    """Return what errors of images change a variance by, um^2, and sigma at most, um.
+
+    Of a variance that they make smaller the upper bound knows nothing.
+    """
     if cost is None:
         return (0.0, 0.0)
-    sigma_um = max(cost.sigma_um)
+    sigma_um, spared_um = max(cost.sigma_um), min(cost.spared_um)
     most_um = sigma_um if cost.spread_um is None else max(cost.spread_um)
-    return (sigma_um, _pairs_factor(cost, doubt) * most_um)
+    return (sigma_um**2 - spared_um**2, _pairs_factor(cost, doubt) * most_um)
 
 
 def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:
@@ -82,13 +85,13 @@ def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:
 def _grown(sigma_um: float, parts: tuple[float, float, float], factor: float) -> float:
     """Return sigma with what trials measured of it grown.
 
-    `parts` of it are what moves add, left alone, and what errors of images do, as it is
-    and at its upper bound.
+    `parts` are what moves add, um, left alone, by how much errors of images change its
+    square, um^2, and sigma by them at its upper bound, um.
     """
     if math.isinf(sigma_um):
         return sigma_um
-    moved_um, model_um, model_grown_um = parts
-    measured_um = math.sqrt(max(sigma_um**2 - moved_um**2 - model_um**2, 0.0))
+    moved_um, model_um2, model_grown_um = parts
+    measured_um = math.sqrt(max(sigma_um**2 - moved_um**2 - model_um2, 0.0))
     trials_um = factor * measured_um if measured_um > 0 else 0.0
     return math.hypot(trials_um, moved_um, model_grown_um)
 

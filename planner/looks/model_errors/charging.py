@@ -152,7 +152,7 @@ def _needs(
     cost, case = model_cost(found), tried.case
     if cost is None:
         return [(0.0, case.tolerance_um, "um")]
-    sigma_um = math.hypot(score.sigma_um or 0.0, max(cost.sigma_um))
+    sigma_um = cost.charged_um(score.sigma_um or 0.0)
     need_um = 2 * sigma_um + math.hypot(*cost.half_width_um)
     needs = [(need_um, case.tolerance_um, "um")]
     turn, half_rad = case.tolerance_theta_rad, cost.half_width_theta_rad

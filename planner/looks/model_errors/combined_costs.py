@@ -23,6 +23,7 @@ def of_either(one: ModelCost | None, other: ModelCost | None) -> ModelCost | Non
         )
     ]
     half, interval, sigma, drawn, spread = wider
+    x_um, y_um = map(min, one.spared_um, other.spared_um)
     return replace(
         one,
         half_width_um=(half[0], half[1]),
@@ -30,6 +31,7 @@ def of_either(one: ModelCost | None, other: ModelCost | None) -> ModelCost | Non
         sigma_um=(sigma[0], sigma[1]),
         drawn_um=(drawn[0], drawn[1]),
         spread_um=(spread[0], spread[1]),
+        spared_um=(x_um, y_um),
     )
 
 

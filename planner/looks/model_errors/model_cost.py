@@ -10,10 +10,10 @@ import numpy as np
 from scipy import special
 
 from microplan.arrays import FloatArray
-from microplan.planner.looks.model_errors.added_sigma import (
+from microplan.planner.looks.model_errors.added_variance import (
     Changes,
     PosedChange,
-    added_sigma,
+    added_variance,
 )
 from microplan.planner.looks.model_errors.better_models import BetterModel
 from microplan.planner.looks.model_errors.image_pairs import PairedAnswer
@@ -285,18 +285,20 @@ def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
     paid = [each for each in found if not each.model.is_drawn]
     places, known = _shifts(paid)
     drawn, drawn_turns = _shifts([each for each in found if each.model.is_drawn])
+    added, turned = _added(places), _added(known)
     return ModelCost(
         pairs=min(each.place.pairs for each in found),
         freedom=min(each.place.freedom for each in found),
         bias_um=_pair(_sum([place.mean for place in places])),
         half_width_um=_pair(_sum([place.half_width for place in places])),
         interval_um=_pair(_sum([place.interval for place in places])),
-        sigma_um=_pair(_added(places)),
+        sigma_um=_pair(np.sqrt(np.maximum(added, 0.0))),
+        spared_um=_pair(np.sqrt(np.maximum(-added, 0.0))),
         spread_um=_pair(_sum([place.sigma for place in places])),
         bias_theta_rad=_one([t.mean for t in known]) if is_turned else None,
         half_width_theta_rad=_one([t.half_width for t in known]) if is_turned else None,
         interval_theta_rad=_one([t.interval for t in known]) if is_turned else None,
-        sigma_theta_rad=float(_added(known)[0]) if is_turned else None,
+        sigma_theta_rad=math.sqrt(max(turned[0], 0.0)) if is_turned else None,
         spread_theta_rad=_one([t.sigma for t in known]) if is_turned else None,
         drawn_um=_pair(_sum([place.half_width for place in drawn])),
         drawn_theta_rad=_one([t.half_width for t in drawn_turns])
@@ -314,16 +316,16 @@ def _shifts(
 
 
 def _added(shifts: Sequence[AnswerShift]) -> FloatArray:
-    """Return by how much shifts make standard deviations larger, at the worse ends.
+    """Return by how much shifts change variances, at the worse ends.
 
-    Their sum where poses in common are too few.
+    Their sum's square where poses in common are too few.
     """
-    most = _sum([shift.sigma for shift in shifts])
+    most = _sum([shift.sigma for shift in shifts]) ** 2
     if not shifts or not all(shift.changes for shift in shifts):
         return most
     ends = max(len(shift.changes) for shift in shifts)
     found = [
-        added_sigma([shift.changes[end % len(shift.changes)] for shift in shifts])
+        added_variance([shift.changes[end % len(shift.changes)] for shift in shifts])
         for end in range(ends)
     ]
     known = [each for each in found if each is not None]

@@ -178,6 +178,10 @@ def test_what_images_cost_has_ends_of_its_own() -> None:
     assert wide.sigma_um == pytest.approx(math.hypot(0.03 * trials, 0.05 * pairs))
     turn = math.hypot(3e-3 * sigma_factor(60, 3.0, 0.01), 6e-3 * pairs)
     assert wide.sigma_theta_rad == pytest.approx(turn)
+    spared = replace(cost, sigma_um=(0.0, 0.0), spared_um=(0.02, 0.01), spread_um=None)
+    less = replace(seen, sigma_um=spared.charged_um(0.03), model_cost=spared)
+    assert less.sigma_um == pytest.approx(math.sqrt(0.03**2 - 0.01**2))
+    assert bounded(less, 0.01).sigma_um == pytest.approx(0.03 * trials)  # for nothing
     assert bias_um(seen, 0.05) == pytest.approx(0.005)  # that of the trials stays
     assert bias_rad(seen, 0.05) == pytest.approx(0.003 + 1e-3 + 3e-3)
     assert model_bias_um(None, 0.05) == model_bias_um(look("a", "b", 1.0), 0.05) == 0

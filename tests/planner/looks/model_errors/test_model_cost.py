@@ -125,6 +125,14 @@ def test_a_fallback_s_wider_half_width_counts_and_its_bias_does_not() -> None:
     assert of_either(None, ONE) is None
 
 
+def test_a_chain_and_its_fallback_are_both_spared_only_what_each_is() -> None:
+    spared = replace(ONE, spared_um=(0.02, 0.01))
+    other = replace(spared, spared_um=(0.01, 0.03))
+    found = of_either(spared, other)
+    assert found is not None
+    assert found.spared_um == (0.01, 0.01)
+
+
 def test_a_set_errs_by_no_more_than_its_worst_feature() -> None:
     """Any weights of two features' errors, drawn within their half-widths."""
     other = replace(ONE, half_width_um=(0.01, 0.09))
@@ -203,3 +211,37 @@ def test_effects_are_added_pose_by_pose_their_spreads_at_most() -> None:
         tuple(np.sum([each.place.sigma for each in effects], axis=0))
     )
     np.testing.assert_allclose(cost.sigma_um, other.std(axis=0, ddof=1), rtol=0.25)
+
+
+def test_noise_that_better_images_have_not_is_spared() -> None:
+    """Usual answers with noise of their own: the better ones are without it."""
+    rng, where = np.random.default_rng(10), mirrored(np.random.default_rng(9), 400)
+    noise, kept = rng.normal(0, 0.3, (400, 2)), rng.normal(0, 0.4, (400, 2))
+    place = difference(
+        [poses(-noise)], [poses(where)], [poses(kept + noise)], is_apart=False
+    )
+    model = BetterModel(effects=("a",), by="b", ends=())
+    cost = model_cost(
+        [EffectDifference(model=model, place=place, turn=None, image_error=0.1)]
+    )
+    assert cost is not None
+    assert cost.sigma_um == (0.0, 0.0)
+    error = math.sqrt(2 / 400) * 0.5**2  # of the variance of the usual answers
+    assert min(cost.spared_um) ** 2 == pytest.approx(0.3**2, abs=4 * error)
+    assert cost.charged_um(0.5) == pytest.approx(0.4, abs=4 * error / 0.8)
+
+
+@pytest.mark.parametrize(
+    ("added", "spared", "sigma"),
+    [
+        ((0.0, 0.3), (0.4, 0.0), math.sqrt(0.5**2 + 0.3**2)),  # one axis is worse
+        ((0.0, 0.0), (0.3, 0.4), math.sqrt(0.5**2 - 0.3**2)),
+        ((0.0, 0.0), (9.0, 9.0), 0.25),  # half of it at least
+    ],
+)
+def test_sigma_is_charged_by_its_worse_axis(
+    added: tuple[float, float], spared: tuple[float, float], sigma: float
+) -> None:
+    cost = replace(ONE, sigma_um=added, spared_um=spared)
+    assert cost.charged_um(0.5) == pytest.approx(sigma)
+    assert cost.charged_um(math.inf) == math.inf

@@ -1,7 +1,8 @@
-"""By how much errors of images make the standard deviation of answers larger."""
+"""By how much errors of images change the variance of answers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,10 +24,11 @@ class PosedChange:
 Changes = Mapping[int, PosedChange]  # by the number of a trial
 
 
-def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
-    """Return by how much effects make the standard deviation of answers larger, (K,).
+def added_variance(effects: Sequence[Changes]) -> FloatArray | None:
+    """Return by how much effects change the variance of answers, (K,) squared units.
 
-    In squares, all effects together; None of fewer than `LEAST` common poses.
+    All effects together; negative where better images make answers vary less. None of
+    fewer than `LEAST` common poses.
 
     Parameters
     ----------
@@ -38,7 +40,9 @@ def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
     What follows a plane over the displacements and the focus is new, and its variance
     counts. About the plane an answer that hangs on details, as of a threshold, errs
     otherwise on another image, and no more: the variance of a sum is that of both parts
-    and twice their covariance, which is negative then.
+    and twice their covariance, which is negative then. Less than 0 counts only beyond
+    its standard error over the poses: noise of the usual images, as of their few rays,
+    is in their answers and not in the better ones.
     """
     common = [trial for trial in effects[0] if all(trial in each for each in effects)]
     if len(common) < LEAST:
@@ -49,10 +53,12 @@ def added_sigma(effects: Sequence[Changes]) -> FloatArray | None:
     matrix = np.array([[1.0, *pose.at_um] for pose in poses])
     rank = int(np.linalg.matrix_rank(matrix))
     free = len(common) - rank
-    left, errs = (each - matrix @ np.linalg.pinv(matrix) @ each
-                  for each in (change, error))  # fmt: skip
+    left, errs = (value - matrix @ np.linalg.pinv(matrix) @ value
+                  for value in (change, error))  # fmt: skip
     about = (left**2).sum(axis=0) / free
     along = np.maximum(change.var(axis=0, ddof=1) - about, 0.0)
-    more = about + 2 * (left * errs).sum(axis=0) / free
-    found: FloatArray = np.sqrt(along + np.maximum(more, 0.0))
+    each = left**2 + 2 * left * errs
+    more = each.sum(axis=0) / free
+    error = each.std(axis=0, ddof=1) * math.sqrt(len(common)) / free
+    found: FloatArray = along + np.where(more > 0, more, np.minimum(more + error, 0.0))
     return found
