@@ -127,16 +127,18 @@ def _chapter(table: Table, schema: Rule, samples: Sequence[Any]) -> str:
     said += [("In " if classed else "Also ") + where] if where else []
     if said and table.places[0]:
         lines += [". ".join(text[:1].upper() + text[1:] for text in said) + ".", ""]
-    lines += [row(HEADS), "|" + "---|" * len(HEADS)]
-    needed = table.rule.get("required", ())
+    needed, rows = table.rule.get("required", ()), []
     for key, rule in table.rule["properties"].items():
         samples_of = [(place, key) for place in table.places]
-        lines.append(_key_row(key, rule, schema, key in needed, samples_of, samples))
+        rows.append(_key_row(key, rule, schema, key in needed, samples_of, samples))
     extra = table.rule.get("additionalProperties")
     if isinstance(extra, dict):
         inner = _full(extra, schema)
         text = f"any other: {inner.get('description', 'a table')}"
-        lines.append(row(["*NAME*", "table", "", "-", "", text, ""]))
+        rows.append(["*NAME*", "table", "", "-", "", text, ""])
+    used = [k for k in range(len(HEADS)) if any(cells[k] for cells in rows)]
+    lines += [row([HEADS[k] for k in used]), "|" + "---|" * len(used)]
+    lines += [row([cells[k] for k in used]) for cells in rows]
     rules = [_condition(case) for case in _cases(table.rule)]
     return "\n".join(lines + ([""] + rules if rules else []))
 
@@ -161,8 +163,8 @@ def _key_row(
     needed: bool,  # noqa: FBT001 - a cell of the row
     places: Sequence[tuple[Place, str]],
     samples: Sequence[Any],
-) -> str:
-    """Return the row of one key."""
+) -> list[str]:
+    """Return the cells of one key, as `HEADS` has them."""
     full = _full(rule, schema)
     found = (_sample(data, (*at, name)) for data in samples for at, name in places)
     example = next((value for value in found if value is not None), None)
@@ -172,17 +174,15 @@ def _key_row(
         default = "needed"
     else:
         default = _code(full["default"]) if "default" in full else "-"
-    return row(
-        [
-            f"`{key}`",
-            _kind(full, schema),
-            _unit(key, full, schema),
-            default,
-            _range(full, schema),
-            full.get("description", ""),
-            "" if example is None else _code(example),
-        ]
-    )
+    return [
+        f"`{key}`",
+        _kind(full, schema),
+        _unit(key, full, schema),
+        default,
+        _range(full, schema),
+        full.get("description", ""),
+        "" if example is None else _code(example),
+    ]
 
 
 def _sample(data: Any, place: Place) -> Any:

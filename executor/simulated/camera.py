@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,6 +18,8 @@ from microplan.executor.simulated.imaging.electrons import (
     counted,
 )
 from microplan.executor.simulated.imaging.imaging_view import LampLevel, PixelWindow
+from microplan.executor.simulated.imaging.picture_errors import PictureErrors
+from microplan.executor.simulated.lens import SimLens
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
 from microplan.schemas.files.world import WorldOptics
 from microplan.schemas.plan import Region
@@ -93,6 +96,7 @@ class SimCamera:
         rng: np.random.Generator,
         faults: Faults,
         pattern: PixelPattern | None = None,
+        errors: LensPictureErrors | None = None,
     ) -> None:
         self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
@@ -101,6 +105,7 @@ class SimCamera:
         self._light = light
         self._rng = rng
         self._chip, self._pattern = _chip(timeline.truth.world.optics), pattern
+        self._errors = errors
         self._faults = faults
         self._trouble = DeviceFaults(faults, "camera")
 
@@ -128,6 +133,8 @@ class SimCamera:
             image = self._swapped(window)
         else:
             image = self._image(window, self._truth.world.optics.height_px)
+        if self._errors is not None:
+            image = image + self._errors.of(image, window)
         here = None
         if self._pattern is not None:
             here = self._pattern.part(window.row, window.column, image.shape)
@@ -185,6 +192,37 @@ def _chip(optics: WorldOptics) -> Chip:
         response=optics.response,
         noise=optics.noise,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class LensPictureErrors:
+    """How pictures differ from images, at the setting that a lens has."""
+
+    errors: PictureErrors
+    lens: SimLens
+
+    def of(self, image: FloatArray, window: PixelWindow) -> FloatArray:
+        """Return what a picture of a window shows besides its image, full scale 1."""
+        optics, setting = self.lens.optics, self.lens.commanded
+        wave_um = optics.wavelength_um / self.lens.aperture
+        blur_px = wave_um * setting[0] / optics.pitch_um
+        return self.errors.of(image, (window.row, window.column), blur_px, setting)
+
+
+def drawn_picture_errors(
+    lens: SimLens, optics: WorldOptics, rng: np.random.Generator
+) -> LensPictureErrors | None:
+    """Return how pictures differ from images, None where they do not."""
+    errors = PictureErrors(
+        edge=optics.discrepancy_edge,
+        flat=optics.discrepancy_flat,
+        pixel=optics.discrepancy_pixel,
+        shape=(optics.height_px, optics.width_px),
+        seed=int(rng.integers(2**62)),
+    )
+    if errors.edge == errors.flat == errors.pixel == 0:
+        return None
+    return LensPictureErrors(errors, lens)
 
 
 def drawn_pattern(optics: WorldOptics, rng: np.random.Generator) -> PixelPattern | None:

@@ -15,6 +15,7 @@ from microplan.executor.simulated.camera import (
     SimCamera,
     SimLight,
     drawn_pattern,
+    drawn_picture_errors,
 )
 from microplan.executor.simulated.cameras.kinds import CameraKind
 from microplan.executor.simulated.cameras.solid_pictures import SolidPictures
@@ -30,7 +31,7 @@ from microplan.schemas.files.world import World, WorldAxes
 PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens", "surface",
-    "pattern",
+    "pattern", "discrepancy",
 )  # fmt: skip
 
 SHOWN_LIGHT = "coaxial"  # kind of light that both cameras show
@@ -142,7 +143,8 @@ def build_cell(
     clock = SimClock(timeline)
     pictures = _pictures(camera, truth, lens)
     pattern = drawn_pattern(world.optics, rng["pattern"])
-    eye = SimCamera(timeline, pictures, light, rng["noise"], wrong, pattern)
+    errors = drawn_picture_errors(lens, world.optics, rng["discrepancy"])
+    eye = SimCamera(timeline, pictures, light, rng["noise"], wrong, pattern, errors)
     stick = 0.0 if truth.tool is None else truth.tool.stick_probability
     jaws = SimGripper(timeline, rng["stick"], DeviceFaults(wrong, "jaws"), stick=stick)
     station = Station(

@@ -30,11 +30,11 @@ class SimLens(DelayedDevice):
     ) -> None:
         super().__init__(timeline, trouble)
         self.model, self.serial = "simulated lens", "sim-lens"
-        self._optics = timeline.truth.world.optics
+        self.optics = timeline.truth.world.optics
         self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
         self.errors = errors
-        self.magnification = self._optics.magnification[0]
+        self.magnification = self.optics.magnification[0]
         self.focus_um = 0.0
         self._jump = (0.0, 0.0)
         self._commanded = (self.magnification, 0.0)
@@ -42,13 +42,13 @@ class SimLens(DelayedDevice):
 
     def start_magnification(self, magnification: float) -> None:
         """Zoom: the image jumps and the scale is off by a new amount."""
-        self._check("magnification", magnification, self._optics.magnification)
-        self._order(self._optics.zoom_time_s, "magnification", magnification)
+        self._check("magnification", magnification, self.optics.magnification)
+        self._order(self.optics.zoom_time_s, "magnification", magnification)
 
     def start_focus_um(self, focus_um: float) -> None:
         """Focus, with its repeatability."""
-        self._check("focus_um", focus_um, self._optics.focus_um)
-        self._order(self._optics.focus_time_s, "focus_um", focus_um)
+        self._check("focus_um", focus_um, self.optics.focus_um)
+        self._order(self.optics.focus_time_s, "focus_um", focus_um)
 
     def set_magnification(self, magnification: float) -> None:
         """Zoom, and let the cell's time pass until it is done."""
@@ -90,6 +90,11 @@ class SimLens(DelayedDevice):
             self._begin(data["left_s"], name, value)
 
     @property
+    def commanded(self) -> tuple[float, float]:
+        """Return the magnification and focus, um, that were asked for last."""
+        return self._commanded
+
+    @property
     def shift_um(self) -> tuple[float, float]:
         """Return the shift of the whole image, um."""
         x, y = self._lateral
@@ -98,9 +103,9 @@ class SimLens(DelayedDevice):
     @property
     def aperture(self) -> float:
         """Return the true aperture at the zoom that was set."""
-        zoom, aperture = np.log(np.array(self._optics.apertures)).T
+        zoom, aperture = np.log(np.array(self.optics.apertures)).T
         stated = math.exp(np.interp(math.log(self._commanded[0]), zoom, aperture))
-        return min(stated, _MOST_SINE * self._optics.medium_index)
+        return min(stated, _MOST_SINE * self.optics.medium_index)
 
     def _check(self, name: str, value: float, within: tuple[float, float]) -> None:
         """Refuse what the drive cannot reach; limits come in six digits."""
@@ -124,15 +129,15 @@ class SimLens(DelayedDevice):
         """Be at a new zoom: the image jumps and the scale is off by a new amount."""
         scale, x, y = self._zoom_rng.standard_normal(3)
         self._commanded = (magnification, self._commanded[1])
-        self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
-        sigma_um = self._optics.parcentric_sigma_um
+        self.magnification = magnification * (1 + self.optics.scale_sigma * scale)
+        sigma_um = self.optics.parcentric_sigma_um
         self._jump = (sigma_um * x, sigma_um * y)
 
     def _focused(self, focus_um: float) -> None:
         """Be at a new focus, with its repeatability."""
         error = self._focus_rng.standard_normal()
         self._commanded = (self._commanded[0], focus_um)
-        self.focus_um = focus_um + self._optics.focus_repeatability_um * error
+        self.focus_um = focus_um + self.optics.focus_repeatability_um * error
 
 
 def _pair(values: Sequence[float]) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.camera_noise import camera_noise
+from microplan.featuresel.look.discrepancy import contrast
 from microplan.featuresel.look.edge_lines import line_images
 from microplan.featuresel.look.occluders import displaced_look, occluders
 from microplan.featuresel.look.scenario import (
@@ -55,9 +56,10 @@ class NominalRender:
 
     @property
     def camera(self) -> CameraNoise:
-        """Return the camera's noise."""
-        sensor = replace(self.case.sensor, gain=1.0)
-        return camera_noise(sensor, self.case.microscope.fill_factor)
+        """Return the camera's noise, and how far its pixels are from any model."""
+        sensor, own = replace(self.case.sensor, gain=1.0), self.case.discrepancy
+        noise = camera_noise(sensor, self.case.microscope.fill_factor)
+        return noise if own is None else replace(noise, misfit=own.pixel)
 
     @property
     def blur(self) -> Blur:
@@ -192,6 +194,12 @@ class NominalRender:
 def nominal_render(case: LookCase) -> NominalRender:
     """Return the renderer that routines prepare with."""
     return NominalRender(case=case)
+
+
+def target_contrast(case: LookCase) -> float:
+    """Return the usual step of light at a look's target, as `contrast` does."""
+    reach_px = case.reach_um * case.target.px_per_um
+    return contrast(nominal_render(case)(), case.target, reach_px)
 
 
 def displacement_changes(case: LookCase) -> FloatArray:

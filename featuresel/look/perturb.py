@@ -10,6 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.discrepancy import drawn
 from microplan.featuresel.look.scenario import (
     Backdrop,
     LookCase,
@@ -66,13 +67,41 @@ def counts(
 
     Arguments as in `image`.
     """
+    return exposed(case, trial, backdrop, moved)[0]
+
+
+def exposed(
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
+) -> tuple[CountArray, FloatArray]:
+    """Return the counts of `counts`, and the discrepancy in them, (rows, columns) each.
+
+    That is a share of full scale, on top of the modelled image.
+    """
     seen = _perturbed(case, trial)
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
         moved = moved_layers(seen, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    noiseless = render_look(seen, moved, behind)
+    image = render_look(seen, moved, behind)
+    more = _discrepancy(seen, trial, image)
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-    return expose(noiseless, seen.sensor, rng)
+    return expose(image + more, seen.sensor, rng), more
+
+
+def _discrepancy(seen: LookCase, trial: Trial, image: FloatArray) -> FloatArray:
+    """Return what a trial's picture shows besides its image, (rows, columns)."""
+    if seen.discrepancy is None:
+        return np.zeros_like(image)
+    own = np.random.SeedSequence(trial.seed, spawn_key=(1,))  # the noise is another
+    return drawn(
+        image,
+        seen.discrepancy,
+        seen.microscope.um_per_px,
+        seen.reach_um,
+        np.random.default_rng(own),
+    )
 
 
 def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:

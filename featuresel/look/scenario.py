@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.discrepancy import Discrepancy
 from microplan.featuresel.look.unknown_surfaces import UnknownSurface
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.picture import RegionFrame
@@ -134,6 +135,7 @@ class LookCase:
     stated: TrialSpread | None = None
     # walls and faces by a thick body near the line of sight
     surfaces: tuple[UnknownSurface, ...] = ()
+    discrepancy: Discrepancy | None = None  # of pictures from images; None: none
 
     def __post_init__(self) -> None:
         if not self.tolerance_um > 0:
@@ -157,6 +159,15 @@ class LookCase:
         """
         focus_um = min(self.promised.focus_sigma_um, self.spread.focus_sigma_um)
         return replace(self.promised, focus_sigma_um=focus_um)
+
+    @property
+    def reach_um(self) -> float:
+        """Return how far the target's blurred edges reach to either side, um."""
+        scope = self.microscope
+        heights = [layer.z_um for layer in self.moving]
+        off_um = min((abs(z - self.focus_um) for z in heights), default=0.0)
+        fine_um = scope.wavelength_um / scope.aperture
+        return fine_um + scope.blur_diameter_um(off_um) / 2
 
     def line_at(self, share: float) -> float:
         """Return where lines of edges lie in a trial: nobody knows it of a ring's."""

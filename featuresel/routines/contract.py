@@ -58,6 +58,12 @@ class Target:
     # in the target's frame at theta 0, about half a pixel apart
     contour: tuple[tuple[float, float, float, float], ...] = ()
 
+    @property
+    def size_um(self) -> float:
+        """Return the larger side of the box about the contour, 0 without one."""
+        points = np.array(self.contour, dtype=np.float64).reshape(-1, 4)[:, :2]
+        return float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Artifact:
@@ -119,9 +125,19 @@ class CameraNoise:
     table: FloatArray | None = field(default=None, compare=False)
     floor: float = 0.0  # light below which the least count comes, of full scale
     ceiling: float = 1.0  # light above which the greatest comes
+    # standard deviation of pixels from any model, which no frame averages, full scale
+    misfit: float = 0.0
 
     def variance(self, image: FloatArray) -> FloatArray:
         """Return the variance of pixels, (...), by their mean, full scale squared.
+
+        Noise, and what pixels differ by from any model.
+        """
+        found: FloatArray = self.noise_variance(image) + self.misfit**2
+        return found
+
+    def noise_variance(self, image: FloatArray) -> FloatArray:
+        """Return the variance of noise alone, as `variance`.
 
         Shot noise, read noise and rounding to counts; or as the `table` says.
         """

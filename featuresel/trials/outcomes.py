@@ -99,6 +99,10 @@ class Outcome:
     depth_um: float | None = None  # how far out of focus the chain says it is
     z_um: float | None = None  # error of that; one image does not determine the sign
     zoom: float | None = None  # error of the ratio to nominal
+    # by how far the picture's discrepancy moved the answer, in the target's frame, and
+    # turned it; None: it is not known
+    moved_um: tuple[float, float] | None = None
+    moved_rad: float | None = None
     corner: bool = False  # of a corner of what is tried: in no sigma, in no bias
 
     @property
@@ -110,10 +114,10 @@ class Outcome:
 # A row: numbers of the chain and of the failure's code or -1, the trial, which of the
 # fields below are given and whether it is a corner (a bit each), and the fields, 0
 # where they are not.
-_PAIRS = ("world_um", "target_um")
+_PAIRS = ("world_um", "target_um", "moved_um")
 _SINGLES = (
     "theta_rad", "score", "spread_um", "spread_theta_rad", "axis_rad", "depth_um",
-    "z_um", "zoom",
+    "z_um", "zoom", "moved_rad",
 )  # fmt: skip
 _FIELDS = (*_PAIRS, *_SINGLES)
 _CORNER = 1 << len(_FIELDS)
@@ -126,7 +130,7 @@ class Outcomes(Sequence[Outcome]):
 
     chains: tuple[Chain, ...]
     codes: tuple[str, ...]  # of failures
-    rows: FloatArray  # (N, 16)
+    rows: FloatArray  # (N, `_COLUMNS`)
 
     @classmethod
     def of(cls, outcomes: Iterable[Outcome] = ()) -> Outcomes:
@@ -191,7 +195,9 @@ class Outcomes(Sequence[Outcome]):
     def _made(self, row: Sequence[float]) -> Outcome:
         """Return the outcome of a row."""
         chain, code, trial, given = map(int, row[:4])
-        values = (tuple(row[4:6]), tuple(row[6:8]), *row[8:])
+        singles = 4 + 2 * len(_PAIRS)
+        pairs = (tuple(row[at : at + 2]) for at in range(4, singles, 2))
+        values = (*pairs, *row[singles:])
         fields = {
             name: value if given >> bit & 1 else None
             for bit, (name, value) in enumerate(zip(_FIELDS, values, strict=True))

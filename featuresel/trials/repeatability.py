@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from microplan.featuresel.look.design import Trial, random_design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.outcomes import Outcomes
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
-from microplan.featuresel.trials.trials import Map, PreparedRoutines, run
+from microplan.featuresel.trials.trials import Map, PreparedRoutines, is_wrong, run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trueness:
+    """How far the discrepancy of pictures moves answers: part of their sigma."""
+
+    um: tuple[float, float] = (0.0, 0.0)  # root mean square, the target's frame
+    rad: float | None = None  # None: no angle is measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,6 +29,12 @@ class Repeated:
 
     outcomes: Outcomes
     scores: tuple[ChainScore, ...]  # of each chain, in their order
+    trueness: tuple[Trueness, ...] = ()  # of each, too; none where it is not told
+
+    def true(self, chain: Chain) -> Trueness:
+        """Return the trueness of one chain; ValueError if it was not tried."""
+        at = self.scores.index(self.of(chain))
+        return self.trueness[at] if self.trueness else Trueness()
 
     def of(self, chain: Chain) -> ChainScore:
         """Return the score of one chain; ValueError if it was not tried."""
@@ -68,11 +84,43 @@ def repeatability(
         artifacts={name: prepared.artifacts[name] for name in names},
     )
     trials = random_design(case, count, root_seed)
-    outcomes = run(case, alone, trials, map=map)
+    outcomes = run(case, alone, trials, map=map, tells_moves=True)
     for number in range(1, 1 + len(stops_um)):
         some = stops_um[:number]
         outcomes = _seen_again(case, alone, trials, outcomes, some, map)
-    return Repeated(outcomes=outcomes, scores=score(case, alone, outcomes))
+    return Repeated(
+        outcomes=outcomes,
+        scores=score(case, alone, outcomes),
+        trueness=tuple(_trueness(case, outcomes.by(c)) for c in alone.chains),
+    )
+
+
+def _trueness(case: LookCase, outcomes: Outcomes) -> Trueness:
+    """Return how far discrepancies moved one chain's right answers.
+
+    Where either answer is wrong it is a failure, not an error.
+    """
+    known = [o for o in outcomes if o.moved_um is not None]
+    right = [o for o in known if not (is_wrong(case, o) or is_wrong(case, _back(o)))]
+    if not right:
+        return Trueness()
+    moved_um = np.array([o.moved_um for o in right])
+    x_um, y_um = np.sqrt((moved_um**2).mean(axis=0))
+    turns = [o.moved_rad for o in right if o.moved_rad is not None]
+    return Trueness(
+        um=(float(x_um), float(y_um)),
+        rad=float(np.sqrt(np.mean(np.square(turns)))) if turns else None,
+    )
+
+
+def _back(outcome: Outcome) -> Outcome:
+    """Return an outcome as it is without the discrepancy, its error in any axes."""
+    off, by = np.array(outcome.target_um), np.array(outcome.moved_um)
+    x_um, y_um = (off - by).tolist()
+    turn = outcome.theta_rad
+    if turn is not None and outcome.moved_rad is not None:
+        turn -= outcome.moved_rad
+    return replace(outcome, world_um=(x_um, y_um), theta_rad=turn)
 
 
 def from_stops(trial: Trial, stops_um: Sequence[float]) -> tuple[Trial, ...]:
@@ -98,5 +146,6 @@ def _seen_again(
         lost = [o.trial for o in outcomes.by(chain) if o.failure is not None]
         again = [from_stops(trials[index], stops_um)[-1] for index in lost]
         only = replace(prepared, chains=(chain,))
-        found |= {(o.chain, o.trial): o for o in run(case, only, again, map=map)}
+        more = run(case, only, again, map=map, tells_moves=True)
+        found |= {(o.chain, o.trial): o for o in more}
     return Outcomes.of(found.values())

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from microplan.arrays import FloatArray, Point
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.perturb import counts
+from microplan.featuresel.look.perturb import exposed
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import ChainState, advance
@@ -88,6 +88,8 @@ def run(
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     known: Known | None = None,
+    *,
+    tells_moves: bool = False,
 ) -> Outcomes:
     """Return what every chain said of every trial, trial by trial.
 
@@ -105,6 +107,9 @@ def run(
     known : Known, optional
         What is known of the look already, with the same artifacts: no chain measures a
         trial twice. Takes what is found.
+    tells_moves : bool
+        Whether outcomes tell by how much the pictures' discrepancy moved them: every
+        chain measures once more, without it. Then nothing may be known.
 
     Returns
     -------
@@ -112,7 +117,8 @@ def run(
         Each image is made once and every chain measures it.
     """
     seen = known or Known()
-    work = partial(_run_chunk, case, prepared, known is not None)
+    what = _Asks(keeps=known is not None, tells_moves=tells_moves)
+    work = partial(_run_chunk, case, prepared, what)
     order = array("i")
     for first in range(0, len(trials), _AT_ONCE):
         some = [_asked(prepared, t, seen) for t in trials[first : first + _AT_ONCE]]
@@ -136,6 +142,14 @@ class _PlannedTrial:
     trial: Trial
     chains: tuple[Chain, ...]
     picture: CountArray | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asks:
+    """What is to be found of trials besides answers."""
+
+    keeps: bool  # their pictures
+    tells_moves: bool  # by how much discrepancies moved answers
 
 
 def _asked(prepared: PreparedRoutines, trial: Trial, seen: Known) -> _PlannedTrial:
@@ -210,24 +224,35 @@ def _step(
 def _run_chunk(
     case: LookCase,
     prepared: PreparedRoutines,
-    keeps: bool,  # noqa: FBT001 - a partial's
+    asks: _Asks,
     asked: Sequence[_PlannedTrial],
 ) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
     """Return the outcomes of some trials, in order, and pictures that are new."""
     found = []
     for each in asked:
-        picture = each.picture
+        picture, more = each.picture, None
         if picture is None:
-            picture = counts(case, each.trial)
-        outcomes = measure_picture(
-            case,
-            replace(prepared, chains=each.chains),
-            each.trial,
-            linear(picture, case.sensor),
-        )
-        fresh = picture if keeps and each.picture is None else None
+            picture, more = exposed(case, each.trial)
+        only = replace(prepared, chains=each.chains)
+        shown = linear(picture, case.sensor)
+        outcomes = measure_picture(case, only, each.trial, shown)
+        if asks.tells_moves and more is not None and case.discrepancy is not None:
+            plain = measure_picture(case, only, each.trial, shown - more)
+            outcomes = tuple(map(_moved, outcomes, plain))
+        fresh = picture if asks.keeps and each.picture is None else None
         found.append((outcomes, fresh))
     return found
+
+
+def _moved(there: Outcome, plain: Outcome) -> Outcome:
+    """Return an outcome with what it differs by from one without discrepancy."""
+    if there.target_um is None or plain.target_um is None:
+        return there
+    (x, y), (x0, y0) = there.target_um, plain.target_um
+    turn = None
+    if there.theta_rad is not None and plain.theta_rad is not None:
+        turn = there.theta_rad - plain.theta_rad
+    return replace(there, moved_um=(x - x0, y - y0), moved_rad=turn)
 
 
 def _outcome(

@@ -284,6 +284,9 @@ def _optics(task: Task) -> WorldOptics:
         lens=_of(WorldLens, lens, lateral_um_per_um=lateral),
         lamp_share=_lamp_share(task),
         light_kind=task.workcell.light.kind,
+        discrepancy_edge=task.workcell.discrepancy.edge,
+        discrepancy_flat=task.workcell.discrepancy.flat,
+        discrepancy_pixel=task.workcell.discrepancy.pixel,
     )
 
 

@@ -63,7 +63,9 @@ def admissible_errors(
     if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
         return AdmissibleError()
     here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id, sigma_without_scale_um=None)
+    look = replace(
+        before, step=align.step.id, sigma_without_scale_um=None, trueness_um=0.0
+    )  # all of it is asked for at once
     left = residual_after(task, align, "servo", within_um, before)
 
     def job(look: PastMeasurement) -> Insertion | None:

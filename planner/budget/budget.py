@@ -18,6 +18,7 @@ from microplan.schemas.plan import Budget, BudgetRow, ModelCost, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
+PICTURES = "discrepancy of pictures"  # of a target
 TILT_IN_JAWS = BudgetRow(
     term="tilt of the part in the jaws",
     sigma_um=None,
@@ -44,6 +45,7 @@ class PastMeasurement:
     # `sigma_um` without the magnification error; None: the same
     sigma_without_scale_um: float | None = None
     moved_um: float = 0.0  # what moves since add to both sigmas; stated, not measured
+    trueness_um: float = 0.0  # part of both: what real pictures add to images
     repeatability: Repeatability | None = None  # what it is known by; None: unknown
     # what errors of its images cost, its sigma in those above; None: nothing
     model_cost: ModelCost | None = None
@@ -134,8 +136,8 @@ def looking_rows(
     zoomed = not math.isclose(hole.magnification, shaft.magnification)
     jump_um = cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0
     return [
-        _measured_row(hole),
-        _measured_row(shaft),
+        *_measured_rows(hole),
+        *_measured_rows(shaft),
         _row(
             FOCUS_TERM,
             cell.optics.focus.lateral_sigma_um_per_um * apart_um,
@@ -170,13 +172,28 @@ def looking_rows(
     ]
 
 
-def _measured_row(seen: PastMeasurement) -> BudgetRow:
-    """Return the error of a look; the scale is common to both and has its own row."""
-    own_um, source = seen.sigma_without_scale_um, "trials"
-    if own_um is None or own_um >= seen.sigma_um:
-        return _row(seen.term, seen.sigma_um, source)
-    source += f" ({seen.sigma_um:.3g} um), less the zoom's scale, which has its own row"
-    return _row(seen.term, own_um, source)
+def _measured_rows(seen: PastMeasurement) -> list[BudgetRow]:
+    """Return the error of a look, and what of it real pictures add to images.
+
+    The scale is common to both looks and has its own row.
+    """
+    sigma_um, source = seen.sigma_um, "trials"
+    own_um, true_um = seen.sigma_without_scale_um, seen.trueness_um
+    if own_um is not None and own_um < sigma_um:
+        source += f" ({sigma_um:.3g} um), less the zoom's scale, which has its own row"
+        sigma_um = own_um
+    if true_um <= 0:
+        return [_row(seen.term, sigma_um, source)]
+    true_um = min(true_um, sigma_um)
+    left_um = math.sqrt(sigma_um**2 - true_um**2)
+    return [
+        _row(seen.term, left_um, f"{source}, but for the next row"),
+        _row(
+            f"{PICTURES} of {seen.name}",
+            true_um,
+            "workcell discrepancy, in trials: no average of frames makes it smaller",
+        ),
+    ]
 
 
 def _scale_row(

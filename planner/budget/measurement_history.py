@@ -40,6 +40,7 @@ def remember(
     sigma.
     """
     view, measure = look.look.view, look.look.measure
+    known = look.look.repeatability
     seen = PastMeasurement(
         name=look.look.target,
         step=step,
@@ -55,7 +56,8 @@ def remember(
         response_rad=look.response.rad,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
-        repeatability=look.look.repeatability,
+        trueness_um=0.0 if known is None else max(known.trueness_um),
+        repeatability=known,
         model_cost=look.model_cost,
     )
     owner = owner_of(look.look.target)

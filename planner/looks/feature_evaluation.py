@@ -84,7 +84,9 @@ def _candidates(
     most = problem.context.effort.features
     others, skipped = list[_Candidate](), _avoided(known)
     for feature, shape in known.others:
-        case = feature_case(problem.task, problem.request, tried.case, shape)
+        case = feature_case(
+            problem.task, problem.request, tried.case, shape, problem.context.memo
+        )
         why = unseen(case)
         if not why and len(others) == most:
             why = f"not tried: {most} others were"
@@ -162,7 +164,9 @@ def _target(
     angle = own.tolerance_theta_rad
     if angle is not None and shape.symmetry == 0:
         # alone it had few trials, as hopeless: it has no angle
-        case = feature_case(problem.task, problem.request, own, shape)
+        case = feature_case(
+            problem.task, problem.request, own, shape, problem.context.memo
+        )
         candidate = (known or drawn(shape), shape, case)
         (found,) = _tested(problem, tried.fidelity, [candidate])
         return found

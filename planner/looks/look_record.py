@@ -43,6 +43,7 @@ from microplan.planner.looks.model_errors.combined_costs import (
     together_cost,
 )
 from microplan.planner.looks.model_errors.effect_rows import with_costs
+from microplan.planner.looks.picture_errors import picture_rows
 from microplan.planner.looks.records import (
     evidence,
     scene_record,
@@ -302,6 +303,7 @@ def _look(
             *response_rows(
                 case, response, is_stated=task.workcell.camera.is_response_stated
             ),
+            *picture_rows(task.workcell, case, first.repeatability),
         ),
         measure=first,
         evidence=evidence(

@@ -109,7 +109,9 @@ def measure_record(
         turn_rad=shape.angle_rad,
         depth=found.depth,
         repeatability=repeatability_record(
-            chosen, undetected(case, found.repeated.outcomes.by(chosen.chain), gates)
+            chosen,
+            undetected(case, found.repeated.outcomes.by(chosen.chain), gates),
+            found.repeated.true(chosen.chain),
         ),
         usable_draws=found.draws,
         model_cost=found.charges.chain,

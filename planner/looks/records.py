@@ -16,6 +16,7 @@ from microplan.featuresel.trials.bounds import (
 )
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.repeatability import Trueness
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
@@ -287,8 +288,14 @@ def undetected(case: LookCase, outcomes: Sequence[Outcome], gates: p.Gates) -> i
     )
 
 
-def repeatability_record(found: ChainScore, undetected: int) -> p.Repeatability:
-    """Return what random trials said of a chain, or of a set, as the plan has it."""
+def repeatability_record(
+    found: ChainScore, undetected: int, true: Trueness | None = None
+) -> p.Repeatability:
+    """Return what random trials said of a chain, or of a set, as the plan has it.
+
+    `true` is how far discrepancies moved the answers.
+    """
+    true = Trueness() if true is None else true
     axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
     theta = found.theta
     return p.Repeatability(
@@ -301,6 +308,8 @@ def repeatability_record(found: ChainScore, undetected: int) -> p.Repeatability:
         kurtosis_theta=None if theta is None else theta.kurtosis,
         bias_theta_rad=None if theta is None else theta.mean,
         half_width_theta_rad=None if theta is None else half_width(theta),
+        trueness_um=true.um,
+        trueness_rad=true.rad,
     )
 
 

@@ -21,6 +21,7 @@ from microplan.planner.assembly.assembly import (
     Place,
     bodies,
 )
+from microplan.planner.looks.picture_errors import discrepancy
 from microplan.planner.looks.trial_spreads import (
     sigma_theta_rad,
     stated_spread,
@@ -115,11 +116,16 @@ def build_case(
         stated=stated,
     )
     surfaces = unknown_surfaces(case, bodies(task, request.state), task.workcell.tools)
-    return replace(case, surfaces=surfaces), fidelity
+    case = replace(case, surfaces=surfaces)
+    return replace(case, discrepancy=discrepancy(task.workcell, case, memo)), fidelity
 
 
 def feature_case(
-    task: Task, request: Request, case: LookCase, shape: TargetShape
+    task: Task,
+    request: Request,
+    case: LookCase,
+    shape: TargetShape,
+    memo: Memo = EVERY_TIME,
 ) -> LookCase:
     """Return a look at another feature of the target's body, through the same region.
 
@@ -140,7 +146,7 @@ def feature_case(
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
     wide_um = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
     far_um = search_um(task, spot)
-    return replace(
+    found = replace(
         case,
         key=f"{case.key}/{shape.name}",
         moving=tuple(
@@ -158,6 +164,7 @@ def feature_case(
             case.promised, pose_sigma_xy_um=spot.sigma_xy_um, search_um=far_um
         ),
     )
+    return replace(found, discrepancy=discrepancy(task.workcell, found, memo))
 
 
 def _lamp(

@@ -26,6 +26,7 @@ from microplan.planner.assembly.world import (
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.looks.picture_errors import report_trueness
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
@@ -135,6 +136,8 @@ def build_plan(
     complete = len(compiled) == len(states)
     bound = bound_of(task, tuple(states), steps, confidence) if complete else None
     _report_goal(task, compiled, success if complete else None, report)
+    looks = [look for step in compiled for look in step.looks]
+    report_trueness(task.workcell, task.where["workcell"], looks, report)
     if bound is not None and confidence is not None:
         report_unshown(task, success, bound, report)
     reasons = _reasons(task, report)

@@ -95,6 +95,7 @@ TITLES: Mapping[str, str] = {
     "MP501": "no routine is good enough",
     "MP502": "no routine for this target",
     "MP503": "what errors of a look's images cost",
+    "MP504": "how far real pictures move a look",
     "MP601": "hole and shaft do not fit",
     "MP602": "success below the goal",
     "MP603": "tolerance finer than the stage can meet",

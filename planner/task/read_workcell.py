@@ -21,6 +21,7 @@ from microplan.planner.task.workcell import (
     Focus,
     Interval,
     Optics,
+    PictureErrors,
     Robot,
     Servo,
     Stage,
@@ -101,6 +102,10 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
         robot=from_data(Robot, {**axes["robot"], "axes": _axes(axes["robot"])}),
         tools=tools,
         servo=from_data(Servo, data["servo"]),
+        discrepancy=from_data(
+            PictureErrors,
+            {**data["discrepancy"], "is_stated": "discrepancy" in source.data},
+        ),
         normalised=normalised,
     )
 

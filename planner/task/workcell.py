@@ -192,6 +192,16 @@ class Servo:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PictureErrors:
+    """How far real pictures lie from modelled ones, one standard deviation each."""
+
+    edge: float  # of the step between an edge's two faces
+    flat: float  # of the local light
+    pixel: float  # of the step at the target's edges
+    is_stated: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Workcell:
     """Everything a workcell file says."""
 
@@ -203,4 +213,5 @@ class Workcell:
     robot: Robot
     tools: Mapping[str, Tool]
     servo: Servo
+    discrepancy: PictureErrors
     normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

@@ -175,6 +175,10 @@ class WorldOptics:
     noise: tuple[tuple[float, float], ...] = ()
     pattern_gain: float = 0.0  # one sigma of pixels' gain
     pattern_counts: float = 0.0  # one sigma of pixels' offset
+    # one sigma of pictures about images, which stays from frame to frame
+    discrepancy_edge: float = 0.0  # of the step at an edge
+    discrepancy_flat: float = 0.0  # of the light, smooth
+    discrepancy_pixel: float = 0.0  # of the picture's contrast, white
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

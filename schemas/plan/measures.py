@@ -89,6 +89,10 @@ class Repeatability:
     kurtosis_theta: float | None = None  # of the angle; None: it is not measured
     bias_theta_rad: float | None = None  # mean error of the angle; nobody takes it off
     half_width_theta_rad: float | None = None  # of the angle's bias, two-sided 95 %
+    # root mean square of what discrepancies of pictures move answers by, target's
+    # frame: that part of `sigma_um` no average of frames makes smaller. Added after 2.6
+    trueness_um: tuple[float, float] = (0.0, 0.0)
+    trueness_rad: float | None = None  # of the angle; None: it is not measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

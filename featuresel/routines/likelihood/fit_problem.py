@@ -124,6 +124,7 @@ def prepare_job(
             "full_well_e": camera.full_well_e,
             "read_noise_e": camera.read_noise_e,
             "bits": float(camera.bits),
+            "misfit": camera.misfit,
             "fill_factor": camera.fill_factor,
         },
         arrays=arrays,
@@ -166,6 +167,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             table=None if noise is None else noise.astype(np.float64),
             floor=p.get("camera_floor", 0.0),
             ceiling=p.get("camera_ceiling", 1.0),
+            misfit=p.get("misfit", 0.0),
         ),
         free=Free(
             turn=p["turns"] > 0,

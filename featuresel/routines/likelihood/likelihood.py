@@ -94,7 +94,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 LIKELIHOOD = Routine(
     name="likelihood",
-    version="8",
+    version="9",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -138,7 +138,7 @@ def step_cost(artifact: Artifact, _pixels: int) -> float:
 
 ONE_STEP = Routine(
     name="one_step",
-    version="6",
+    version="7",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),

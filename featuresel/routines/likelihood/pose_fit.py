@@ -32,6 +32,9 @@ _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
+# Tukey's cut that costs 5 % where all is normal, in standard deviations, and the mean
+# square of normal numbers by those weights
+_CORE, _CORE_SQUARE = 4.685, 0.82807
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
 _MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
 _SURFACE_ROUNDS = 2  # amounts and light multiply each other
@@ -46,8 +49,8 @@ class PoseFit:
     light: FloatArray  # (3,) gain, and its changes across and down the region
     covariance: FloatArray  # (P + 3, P + 3) of the pose's P numbers and of light
     squared: bool  # the covariance is of the square of the focus
-    chi2: float  # of the pixels used, each: 1 if only noise is left
-    used: float  # share of the pixels that are the target's
+    chi2: float  # of most pixels, each: 1 if only noise is left
+    used: float  # share of the pixels that fit as most do
     pixels: int
 
     @property
@@ -155,6 +158,7 @@ class _Linear:
 
     light: FloatArray  # (3,) that it starts from
     normal: FloatArray  # (P + 3, P + 3)
+    noise: FloatArray  # (P + 3, P + 3), of that what noise alone gives
     right: FloatArray  # (P + 3,)
     chi2: float
     used: float
@@ -201,7 +205,8 @@ class _Linear:
         """Return the fit that ends at a pose."""
         pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
         covariance = np.zeros((job.free.numbers + 3,) * 2)
-        covariance[pick] = np.linalg.pinv(self.normal[pick], hermitian=True)
+        inverse = np.linalg.pinv(self.normal[pick], hermitian=True)
+        covariance[pick] = inverse @ self.noise[pick] @ inverse
         return PoseFit(
             pose=pose,
             light=light,
@@ -230,7 +235,8 @@ def _linear(
     if not (np.isfinite(light).all() and light[0] > 0):
         return Failure("no_contrast", "no light fits the image")
     mean = light @ seen.target
-    noise = np.sqrt(job.camera.variance(mean))
+    variance = job.camera.variance(mean)
+    own, noise = job.camera.noise_variance(mean) / variance, np.sqrt(variance)
     residual = (seen.value - mean) / noise
     scale = max(1.0, 1.4826 * median(np.abs(residual)))
     ratio = residual / (REJECT * scale)
@@ -251,11 +257,23 @@ def _linear(
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
+        noise=(design * (weight * own)) @ design.T + np.diag(pull),
         right=right,
-        chi2=float((residual[trusted] ** 2).mean()),
-        used=float(trusted.mean()),
+        chi2=_robust_chi2(residual, scale),
+        used=float((trusted & (np.abs(residual) < _CORE * scale)).mean()),
         pixels=len(residual),
     )
+
+
+def _robust_chi2(residual: FloatArray, scale: float) -> float:
+    """Return the mean square of residuals, (N,) in standard deviations, 1 if normal.
+
+    By Tukey's weights about their usual size `scale`: dust, or another thing beside the
+    target, does not decide it.
+    """
+    ratio = residual / (_CORE * scale)
+    weight = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
+    return float(weight @ residual**2 / weight.sum() / _CORE_SQUARE)
 
 
 def _together(seen: list[PixelComparison]) -> PixelComparison:

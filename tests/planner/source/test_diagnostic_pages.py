@@ -143,6 +143,7 @@ def _grasp_and_release(folder: Path) -> None:
 PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP501": _see_post,
     "MP503": _see_post_well,
+    "MP504": _see_post_well,
     "MP602": _grasp_and_release,
     "MP616": _see_post,
 }
