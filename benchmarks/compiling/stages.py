@@ -37,7 +37,7 @@ STAGES: Mapping[str, tuple[str, str]] = {
     ),  # and how well it has to be rendered
     "prepare": ("microplan.featuresel.selection.evaluate", "prepare"),
     "trials": ("microplan.featuresel.selection.evaluate", "race"),
-    "trial_images": ("microplan.featuresel.trials.trials", "counts"),
+    "trial_images": ("microplan.featuresel.trials.trials", "exposed"),
     "limit": ("microplan.featuresel.selection.evaluate", "limit_um"),
     "usable_range": ("microplan.planner.looks.look_record", "usable_range"),
     "drifts": ("microplan.planner.budget.allowable_errors", "_reach"),

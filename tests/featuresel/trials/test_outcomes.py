@@ -92,13 +92,13 @@ def test_nothing_stays_nothing_and_no_number_becomes_one() -> None:
     assert (found.spread_um, found.theta_rad, found.world_um) == (math.inf, None, None)
 
 
-def test_an_outcome_takes_sixteen_numbers_once() -> None:
+def test_an_outcome_takes_nineteen_numbers_once() -> None:
     one = Outcome(
         chain=("ncc",), trial=7, failure=None, world_um=(1.0, 2.0),
         target_um=(2.0, 1.0), theta_rad=0.1, score=0.9, spread_um=0.1,
     )  # fmt: skip
     many = Outcomes.of([one]) + Outcomes.of([one] * 99)
-    assert many.rows.nbytes == 100 * 16 * 8
+    assert many.rows.nbytes == 100 * 19 * 8
     assert np.array_equal(many.rows[0], many.rows[-1])
     with pytest.raises(IndexError):
         many[100]
