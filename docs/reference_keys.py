@@ -228,11 +228,15 @@ def _kind(rule: Rule, schema: Rule) -> str:
         inner = rule["items"] if isinstance(rule.get("items"), dict) else None
         inner = inner or next(iter(rule.get("prefixItems", [])), {})
         word = _kind(_full(inner, schema), schema)
-        return "list of names" if word == "one of" else f"list of {_plural(word)}"
+        many = "names" if word == "one of" else _plural(word)
+        count = _count(rule)
+        return f"list of {many}" if count is None else f"{count} {many}"
     return " or ".join(KINDS[kind] for kind in kinds)
 
 
 def _plural(word: str) -> str:
+    if word[:1].isdigit():
+        return f"{word} each"
     return f"lists{word[4:]}" if word.startswith("list") else f"{word}s"
 
 
@@ -255,8 +259,6 @@ def _range(rule: Rule, schema: Rule) -> str:
     if "items" in rule and isinstance(rule["items"], dict):
         inner = _range(_full(rule["items"], schema), schema)
         return "; ".join(text for text in (_entries(rule), inner) if text)
-    if "prefixItems" in rule:
-        return f"{len(rule['prefixItems'])} entries"
     if "pattern" in rule:
         if not rule["pattern"].startswith("^[A-Za-z_]"):
             return f"`{rule['pattern']}`"
@@ -272,11 +274,19 @@ def _range(rule: Rule, schema: Rule) -> str:
     return ", ".join(text for text in (low, high) if text)
 
 
-def _entries(rule: Rule) -> str:
-    """Return how many entries a list may have."""
+def _count(rule: Rule) -> int | None:
+    """Return how many entries a list has, None if it may have more or fewer."""
+    if "prefixItems" in rule:
+        return len(rule["prefixItems"])
     least, most = rule.get("minItems"), rule.get("maxItems")
-    if least is not None and least == most:
-        return f"{least} entries"
+    return least if least == most else None
+
+
+def _entries(rule: Rule) -> str:
+    """Return how many entries a list may have, "" where its type says so."""
+    least, most = rule.get("minItems"), rule.get("maxItems")
+    if _count(rule) is not None:
+        return ""
     if most is not None:
         return f"{least or 0} to {most} entries"
     return ""

@@ -43,7 +43,7 @@ def promised(look: Look) -> Promise:
     bias, half, sigma = _unseen(look)
     return Promise(
         trials=known.trials,
-        sigma_um=_pair(_charged_um(np.array(known.sigma_um), look.model_cost, sigma)),
+        sigma_um=_pair(_charged_um(known, look.model_cost, sigma)),
         half_width_um=_pair(np.maximum(_half_width(look, known) - half, 0.0)),
         unseen_bias_um=_pair(bias),
     )
@@ -66,14 +66,16 @@ def _unseen(look: Look) -> FloatArray:
 
 
 def _charged_um(
-    sigma_um: FloatArray, cost: ModelCost | None, unseen_um: FloatArray
+    known: Repeatability, cost: ModelCost | None, unseen_um: FloatArray
 ) -> FloatArray:
     """Return sigma with what better images change, but for the unseen, (2,) um."""
+    sigma_um, true_um = np.array(known.sigma_um), np.array(known.trueness_um or 0.0)
     if cost is None:
         return sigma_um
     more_um = np.maximum(np.array(cost.sigma_um) - unseen_um, 0.0)
-    less_um = np.minimum(cost.spared_um, MOST_SPARED * sigma_um)
-    found: FloatArray = np.sqrt(sigma_um**2 + more_um**2 - less_um**2)
+    most_um2 = MOST_SPARED * np.maximum(sigma_um**2 - true_um**2, 0.0)
+    less_um2 = np.minimum(np.square(cost.spared_um), most_um2)
+    found: FloatArray = np.sqrt(sigma_um**2 + more_um**2 - less_um2)
     return found
 
 

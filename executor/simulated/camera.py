@@ -134,7 +134,7 @@ class SimCamera:
         else:
             image = self._image(window, self._truth.world.optics.height_px)
         if self._errors is not None:
-            image = image + self._errors.of(image, window)
+            image = image + self._errors.of(image)
         here = None
         if self._pattern is not None:
             here = self._pattern.part(window.row, window.column, image.shape)
@@ -201,12 +201,12 @@ class LensPictureErrors:
     errors: PictureErrors
     lens: SimLens
 
-    def of(self, image: FloatArray, window: PixelWindow) -> FloatArray:
-        """Return what a picture of a window shows besides its image, full scale 1."""
+    def of(self, image: FloatArray) -> FloatArray:
+        """Return what a picture shows besides its image, both (rows, columns)."""
         optics, setting = self.lens.optics, self.lens.commanded
         wave_um = optics.wavelength_um / self.lens.aperture
         blur_px = wave_um * setting[0] / optics.pitch_um
-        return self.errors.of(image, (window.row, window.column), blur_px, setting)
+        return self.errors.of(image, blur_px, setting)
 
 
 def drawn_picture_errors(
@@ -217,7 +217,6 @@ def drawn_picture_errors(
         edge=optics.discrepancy_edge,
         flat=optics.discrepancy_flat,
         pixel=optics.discrepancy_pixel,
-        shape=(optics.height_px, optics.width_px),
         seed=int(rng.integers(2**62)),
     )
     if errors.edge == errors.flat == errors.pixel == 0:

@@ -14,6 +14,7 @@ from microplan.featuresel.routines.contract import Target
 
 _NODES = 2.0  # of a smooth field, so many for each correlation length
 _BEYOND = 2.5  # correlation lengths: what lies farther off has no weight
+_WHITE_PX = 0.4  # of such a length pixels have less than .05 in common
 _DARK = 1e-9  # of full scale: a step that is none
 
 
@@ -92,6 +93,8 @@ def smooth_field(
 
     Its covariance at the distance d is exp(-d^2 / (2 length_px^2)).
     """
+    if length_px < _WHITE_PX:
+        return rng.standard_normal(shape)
     down, across = (_weights(count, length_px) for count in shape)
     nodes = rng.standard_normal((down.shape[1], across.shape[1]))
     field: FloatArray = down @ nodes @ across.T
@@ -113,12 +116,19 @@ def edge_steps(image: FloatArray, reach_px: float) -> FloatArray:
 
     Of an image (rows, columns) without noise; an edge reaches `reach_px` either side.
     """
-    side = 2 * max(1, round(reach_px)) + 1
-    around = np.ones((side, side), np.uint8)
-    least, most = cv2.erode(image, around), cv2.dilate(image, around)
+    least, most = _around(image, reach_px)
     step = np.maximum(most - least, _DARK)
     found: FloatArray = 4 * (image - least) * (most - image) / step
     return found
+
+
+def _around(image: FloatArray, reach_px: float) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the most light so near to each pixel."""
+    side = 2 * max(1, round(min(reach_px, max(image.shape)))) + 1
+    near = np.ones((side, side), np.uint8)
+    least: FloatArray = np.asarray(cv2.erode(image, near), dtype=np.float64)
+    most: FloatArray = np.asarray(cv2.dilate(image, near), dtype=np.float64)
+    return least, most
 
 
 def contrast(image: FloatArray, target: Target, reach_px: float) -> float:
@@ -134,14 +144,10 @@ def contrast(image: FloatArray, target: Target, reach_px: float) -> float:
         How far a blurred edge reaches to either side.
     """
     points = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
-    column, row, across, down = place(points, target).T
-    sides = [
-        np.rint(np.stack((row + by * down, column + by * across))).astype(np.intp)
-        for by in (-reach_px, reach_px)
-    ]
-    limits = np.array(image.shape)[:, None]
-    seen = np.all([(side >= 0) & (side < limits) for side in sides], axis=(0, 1))
+    column, row, *_ = place(points, target).T
+    at = np.rint(np.stack((row, column))).astype(np.intp)
+    seen = np.all((at >= 0) & (at < np.array(image.shape)[:, None]), axis=0)
     if not seen.any():
         return float(np.ptp(image))
-    inside, outside = (image[tuple(side[:, seen])] for side in sides)
-    return float(np.median(np.abs(inside - outside)))
+    least, most = _around(image, reach_px)
+    return float(np.median((most - least)[tuple(at[:, seen])]))

@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
-import numpy as np
-
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import image, still
+from microplan.featuresel.look.perturb import image, pictured, still
 from microplan.featuresel.look.scenario import LookCase, moved_layers
 from microplan.featuresel.look.static_layers import Standing, standing
-from microplan.optics.lens.sensor import expose, linear
+from microplan.optics.lens.sensor import linear
 from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import Range
@@ -122,7 +120,7 @@ def through_focus(case: LookCase, farthest: Trial) -> Pictures:
         for trial in trials:
             scene = moved(*_pose(trial))
             bright = scene.image(focus_um=focus_um, light=case.light, also=also)
-            rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-            yield linear(expose(bright, case.sensor, rng), case.sensor)
+            seen = replace(case, focus_um=focus_um)
+            yield linear(pictured(seen, trial, bright)[0], case.sensor)
 
     return pictures

@@ -84,24 +84,40 @@ def exposed(
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
         moved = moved_layers(seen, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    image = render_look(seen, moved, behind)
-    more = _discrepancy(seen, trial, image)
+    return pictured(seen, trial, render_look(seen, moved, behind))
+
+
+def pictured(
+    seen: LookCase, trial: Trial, image: FloatArray
+) -> tuple[CountArray, FloatArray]:
+    """Return the counts of a trial's image, and the discrepancy in them.
+
+    Parameters
+    ----------
+    seen : LookCase
+        The look as it is in the trial.
+    trial : Trial
+        Its seed draws discrepancy and noise.
+    image : (rows, columns) float array
+        Without either, 1 at full well.
+
+    Returns
+    -------
+    (rows, columns) integer array, (rows, columns) float64 array
+        Counts, and shares of full scale that are in them besides the image's.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-    return expose(image + more, seen.sensor, rng), more
-
-
-def _discrepancy(seen: LookCase, trial: Trial, image: FloatArray) -> FloatArray:
-    """Return what a trial's picture shows besides its image, (rows, columns)."""
     if seen.discrepancy is None:
-        return np.zeros_like(image)
+        return expose(image, seen.sensor, rng), np.zeros_like(image)
     own = np.random.SeedSequence(trial.seed, spawn_key=(1,))  # the noise is another
-    return drawn(
+    more = drawn(
         image,
         seen.discrepancy,
         seen.microscope.um_per_px,
         seen.reach_um,
         np.random.default_rng(own),
     )
+    return expose(image + more, seen.sensor, rng), seen.sensor.gain * more
 
 
 def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:

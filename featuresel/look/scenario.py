@@ -163,9 +163,10 @@ class LookCase:
     @property
     def reach_um(self) -> float:
         """Return how far the target's blurred edges reach to either side, um."""
-        scope = self.microscope
-        heights = [layer.z_um for layer in self.moving]
-        off_um = min((abs(z - self.focus_um) for z in heights), default=0.0)
+        scope, owner = self.microscope, self.target.name.partition(".")[0]
+        off = {layer.name: abs(layer.z_um - self.focus_um) for layer in self.moving}
+        nearest_um = min(off.values(), default=0.0)
+        off_um = off.get(self.target.name, off.get(owner, nearest_um))
         fine_um = scope.wavelength_um / scope.aperture
         return fine_um + scope.blur_diameter_um(off_um) / 2
 

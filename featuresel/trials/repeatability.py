@@ -19,7 +19,8 @@ from microplan.featuresel.trials.trials import Map, PreparedRoutines, is_wrong, 
 class Trueness:
     """How far the discrepancy of pictures moves answers: part of their sigma."""
 
-    um: tuple[float, float] = (0.0, 0.0)  # root mean square, the target's frame
+    # root mean square, the target's frame; None: no right answer tells it
+    um: tuple[float, float] | None = None
     rad: float | None = None  # None: no angle is measured
 
 

@@ -116,6 +116,8 @@ def run(
     Outcomes
         Each image is made once and every chain measures it.
     """
+    if tells_moves and known is not None:
+        raise ValueError("trials that are known do not tell what moved them")
     seen = known or Known()
     what = _Asks(keeps=known is not None, tells_moves=tells_moves)
     work = partial(_run_chunk, case, prepared, what)
@@ -238,20 +240,22 @@ def _run_chunk(
         outcomes = measure_picture(case, only, each.trial, shown)
         if asks.tells_moves and more is not None and case.discrepancy is not None:
             plain = measure_picture(case, only, each.trial, shown - more)
-            outcomes = tuple(map(_moved, outcomes, plain))
+            outcomes = tuple(
+                _moved(case, *both) for both in zip(outcomes, plain, strict=True)
+            )
         fresh = picture if asks.keeps and each.picture is None else None
         found.append((outcomes, fresh))
     return found
 
 
-def _moved(there: Outcome, plain: Outcome) -> Outcome:
+def _moved(case: LookCase, there: Outcome, plain: Outcome) -> Outcome:
     """Return an outcome with what it differs by from one without discrepancy."""
     if there.target_um is None or plain.target_um is None:
         return there
     (x, y), (x0, y0) = there.target_um, plain.target_um
     turn = None
     if there.theta_rad is not None and plain.theta_rad is not None:
-        turn = there.theta_rad - plain.theta_rad
+        turn = math.remainder(there.theta_rad - plain.theta_rad, period_rad(case))
     return replace(there, moved_um=(x - x0, y - y0), moved_rad=turn)
 
 

@@ -18,7 +18,7 @@ from microplan.schemas.plan import Budget, BudgetRow, ModelCost, Repeatability
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"
-PICTURES = "discrepancy of pictures"  # of a target
+MEASURED, PICTURES = "measurement", "discrepancy of pictures"  # of a target
 TILT_IN_JAWS = BudgetRow(
     term="tilt of the part in the jaws",
     sigma_um=None,
@@ -49,6 +49,8 @@ class PastMeasurement:
     repeatability: Repeatability | None = None  # what it is known by; None: unknown
     # what errors of its images cost, its sigma in those above; None: nothing
     model_cost: ModelCost | None = None
+    # of that the chain's own, which is in those above; None: `model_cost`
+    own_cost: ModelCost | None = None
 
     @property
     def edges_rad(self) -> float:
@@ -58,7 +60,7 @@ class PastMeasurement:
     @property
     def term(self) -> str:
         """Return the name of its error in a budget."""
-        return f"measurement of {self.name}"
+        return f"{MEASURED} of {self.name}"
 
 
 def fit_of(task: Task, insert: StepState) -> RoundFit | OutlineFit | None:

@@ -20,7 +20,12 @@ from microplan.planner.assembly.assembly import (
     robot_pose,
 )
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.budget import FOCUS_TERM, PastMeasurement
+from microplan.planner.budget.budget import (
+    FOCUS_TERM,
+    MEASURED,
+    PICTURES,
+    PastMeasurement,
+)
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import BudgetRow
@@ -53,7 +58,10 @@ class DriftTolerance:
     def _at(self, drift: float, scatter_um: float) -> Insertion:
         """Return the insertion with the look's error, and the lens's, at a drift."""
         job, sizes = self.job, self.job.sizes_um
-        job = job.resized(self.term, max(scatter_um, sizes.get(self.term, 0.0)))
+        # draws scatter by their pictures' discrepancy too, which has a row of its own
+        true_um = sizes.get(self.term.replace(MEASURED, PICTURES, 1), 0.0)
+        own_um = math.sqrt(max(scatter_um**2 - true_um**2, 0.0))
+        job = job.resized(self.term, max(own_um, sizes.get(self.term, 0.0)))
         if self.setting != "focus" or FOCUS_TERM not in sizes:
             return job
         grown_um = sizes[FOCUS_TERM] + self.lateral_um * abs(drift)

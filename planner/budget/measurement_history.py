@@ -56,9 +56,10 @@ def remember(
         response_rad=look.response.rad,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
         moved_um=moved_um,
-        trueness_um=0.0 if known is None else max(known.trueness_um),
+        trueness_um=0.0 if known is None else known.true_um,
         repeatability=known,
         model_cost=look.model_cost,
+        own_cost=look.look.model_cost,
     )
     owner = owner_of(look.look.target)
     angle = {} if seen.sigma_theta_rad is None else {owner: seen}

@@ -110,10 +110,13 @@ def _servo_looks(
     # along one direction; of a loop that is alike in all, as much in the mean
     swung_um = swing_um(task, align) / math.sqrt(2)
     start_um = math.sqrt(max(start_um**2 - swung_um**2, 0.0))
+    look_um = 0.0
+    if here and here.step == align.step.id:  # its trueness stays from look to look
+        look_um = math.sqrt(max(here.sigma_um**2 - here.trueness_um**2, 0.0))
     loop = Loop(
         gain=gain_of(task),
         move_um=axes_of(task, carrier).repeatability_xy_um,
-        look_um=here.sigma_um if here and here.step == align.step.id else 0.0,
+        look_um=look_um,
         start_um=start_um,
         within_um=within_um,
     )

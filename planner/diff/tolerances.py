@@ -100,7 +100,8 @@ _MEASURED = (
     "ratio_to_floor", "covariance_um2/*", "miss_probability",
     "sigma_um/*", "half_width_um", "half_width_um/*", "half_width_theta_rad",
     "bias_theta_rad", "interval_um/*", "interval_theta_rad", "spread_um/*",
-    "spread_theta_rad", "drawn_um/*", "drawn_theta_rad",
+    "spread_theta_rad", "drawn_um/*", "drawn_theta_rad", "spared_um/*",
+    "trueness_um/*", "trueness_rad",
 )  # fmt: skip
 
 TABLE: tuple[Rule, ...] = (

@@ -208,7 +208,8 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
         if first.charges.chain is not None:
-            without_scale_um = first.charges.chain.charged_um(without_scale_um)
+            true_um = max(first.repeated.true(first.chosen.chain).um or (0.0,))
+            without_scale_um = first.charges.chain.charged_um(without_scale_um, true_um)
     shift, response = _coherence(problem, found), _response(problem, found)
     return CompiledLook(
         look=_look(problem, decided, image, shift, response),
@@ -303,7 +304,7 @@ def _look(
             *response_rows(
                 case, response, is_stated=task.workcell.camera.is_response_stated
             ),
-            *picture_rows(task.workcell, case, first.repeatability),
+            *picture_rows(task.workcell, case, None if together else first),
         ),
         measure=first,
         evidence=evidence(

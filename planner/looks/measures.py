@@ -85,7 +85,9 @@ def measure_record(
         ),
         bias_um=_with_model(chosen.bias_um, found.charges.chain),
         jacobian_px_per_um=_jacobian(case),
-        sigma_xy_um=_charged_um(found.sigma_um or chosen.sigma_um, found.charges.chain),
+        sigma_xy_um=_charged_um(
+            found.sigma_um or chosen.sigma_um, found.charges.chain, _true_um(found)
+        ),
         sigma_theta_rad=_sigma_theta_rad(found),
         limit_xy_um=found.chosen.limit_um,
         gates=gates,
@@ -129,17 +131,28 @@ def _with_model(
     return (x + cost.bias_um[0], y + cost.bias_um[1])
 
 
-def _charged_um(sigma_um: float | None, cost: p.ModelCost | None) -> float:
+def _charged_um(
+    sigma_um: float | None, cost: p.ModelCost | None, true_um: float
+) -> float:
     """Return sigma of trials with what images' errors change of it; None is 0."""
     own_um = sigma_um or 0.0
-    return own_um if cost is None else cost.charged_um(own_um)
+    return own_um if cost is None else cost.charged_um(own_um, true_um)
+
+
+def _true_um(found: MeasuredFeature, spare: ChainScore | None = None) -> float:
+    """Return how far discrepancies move the chain's answers, or the fallback's, um."""
+    chain = (spare or found.promised).chain
+    return max(found.repeated.true(chain).um or (0.0,))
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return a fallback's sigma, um, with what the chain's own has besides trials."""
     own, counts = found.promised.sigma_um or 0.0, found.sigma_um or 0.0
     more = math.sqrt(max(counts**2 - own**2, 0.0))
-    return math.hypot(_charged_um(spare.sigma_um, found.charges.fallback), more)
+    true_um = _true_um(found, spare)
+    return math.hypot(
+        _charged_um(spare.sigma_um, found.charges.fallback, true_um), more
+    )
 
 
 def _sigma_theta_rad(found: MeasuredFeature) -> float | None:

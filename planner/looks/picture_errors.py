@@ -11,7 +11,7 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.ledger import NM
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.store.memo import Memo
-from microplan.planner.task.workcell import PictureErrors, Workcell
+from microplan.planner.task.workcell import DiscrepancyShares, Workcell
 from microplan.schemas import plan as p
 
 CODE = "MP504"
@@ -36,16 +36,20 @@ def discrepancy(cell: Workcell, case: LookCase, memo: Memo) -> Discrepancy | Non
 
 
 def picture_rows(
-    cell: Workcell, case: LookCase, known: p.Repeatability | None
+    cell: Workcell, case: LookCase, measure: p.Measure | None
 ) -> tuple[p.EffectRow, ...]:
-    """Return the ledger's row of what real pictures move a look's answer by."""
-    if case.discrepancy is None or known is None:
+    """Return the ledger's row of what real pictures move a look's answer by.
+
+    None where that is not known, as of several features together.
+    """
+    known = None if measure is None else measure.repeatability
+    if case.discrepancy is None or known is None or known.trueness_um is None:
         return ()
     return (
         p.EffectRow(
             effect=EFFECT,
             level="drawn in trials",
-            predicted_error=_NM_PER_UM * max(known.trueness_um),
+            predicted_error=_NM_PER_UM * known.true_um,
             limit=_NM_PER_UM * case.tolerance_um,
             unit=NM,
             reason=f"one sigma: {stated_words(cell.discrepancy)}",
@@ -53,9 +57,9 @@ def picture_rows(
     )
 
 
-def stated_words(stated: PictureErrors) -> str:
+def stated_words(stated: DiscrepancyShares) -> str:
     """Return a workcell's discrepancy in words."""
-    told = "stated" if stated.is_stated else "not stated, as usual"
+    told = "as stated" if stated.is_stated else "usual values, none is stated"
     return (
         f"{told}: edges {stated.edge:g} of their step, faces {stated.flat:g} of their "
         f"light, pixels {stated.pixel:g} of the target's step"
@@ -68,19 +72,20 @@ def report_trueness(
     """Report by how much real pictures move looks, where that is not calibrated."""
     if cell.discrepancy.is_stated:
         return
-    known = [(look.id, look.measure.repeatability) for look in looks]
+    known = [(look.id, look.repeatability) for look in looks]
     told = [
-        f"{name} {max(each.trueness_um):.2g}"
+        f"{name} {each.true_um:.2g}"
         for name, each in known
-        if each is not None and any(each.trueness_um)
+        if each is not None and each.true_um > 0
     ]
     if not told:
         return
     report.fact(
         CODE,
         where,
-        f"discrepancy of pictures {stated_words(cell.discrepancy)}; by it alone looks "
-        f"err by so many um, one sigma, however often they repeat: {', '.join(told)}",
+        f"discrepancy of pictures ({stated_words(cell.discrepancy)}): by it alone "
+        f"looks err by so many um, one sigma, however often they repeat: "
+        f"{', '.join(told)}",
         "state `discrepancy` in the workcell, by pictures of a part whose drawing is "
         "known",
     )

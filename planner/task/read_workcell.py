@@ -18,10 +18,10 @@ from microplan.planner.task.drawings import DrawingSheet, open_named, take
 from microplan.planner.task.finishes import interval, surface_finish
 from microplan.planner.task.light.read_light import read_coherence, read_light
 from microplan.planner.task.workcell import (
+    DiscrepancyShares,
     Focus,
     Interval,
     Optics,
-    PictureErrors,
     Robot,
     Servo,
     Stage,
@@ -103,7 +103,7 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
         tools=tools,
         servo=from_data(Servo, data["servo"]),
         discrepancy=from_data(
-            PictureErrors,
+            DiscrepancyShares,
             {**data["discrepancy"], "is_stated": "discrepancy" in source.data},
         ),
         normalised=normalised,

@@ -192,7 +192,7 @@ class Servo:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PictureErrors:
+class DiscrepancyShares:
     """How far real pictures lie from modelled ones, one standard deviation each."""
 
     edge: float  # of the step between an edge's two faces
@@ -213,5 +213,5 @@ class Workcell:
     robot: Robot
     tools: Mapping[str, Tool]
     servo: Servo
-    discrepancy: PictureErrors
+    discrepancy: DiscrepancyShares
     normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

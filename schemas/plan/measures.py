@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from microplan.schemas.pose import Pose
 
-# share of a sigma of trials that few pairs of images can spare: they keep half of it
-MOST_SPARED = math.sqrt(3) / 2
+# share of a variance of trials that few pairs of images can spare: half of sigma stays
+MOST_SPARED = 0.75
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,9 +90,15 @@ class Repeatability:
     bias_theta_rad: float | None = None  # mean error of the angle; nobody takes it off
     half_width_theta_rad: float | None = None  # of the angle's bias, two-sided 95 %
     # root mean square of what discrepancies of pictures move answers by, target's
-    # frame: that part of `sigma_um` no average of frames makes smaller. Added after 2.6
-    trueness_um: tuple[float, float] = (0.0, 0.0)
-    trueness_rad: float | None = None  # of the angle; None: it is not measured
+    # frame: that part of `sigma_um` no average of frames makes smaller; None: it is not
+    # known. Added after 2.6
+    trueness_um: tuple[float, float] | None = None
+    trueness_rad: float | None = None  # of the angle, as `trueness_um`
+
+    @property
+    def true_um(self) -> float:
+        """Return the trueness of the worse axis, um, 0 if it is not known."""
+        return 0.0 if self.trueness_um is None else max(self.trueness_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,13 +133,23 @@ class ModelCost:
     # standard error; off a measure's `sigma_xy_um`. Added after 2.6
     spared_um: tuple[float, float] = (0.0, 0.0)
 
-    def charged_um(self, sigma_um: float) -> float:
+    def charged_um(self, sigma_um: float, true_um: float = 0.0) -> float:
         """Return sigma of answers per axis, um, from that of trials `sigma_um`.
 
-        Of both axes the larger cost counts, and at most the smaller is spared.
+        Of both axes the larger cost counts, and at most the smaller is spared: nothing
+        of the trueness `true_um`, which images have no part in.
         """
-        spared_um = min(*self.spared_um, MOST_SPARED * sigma_um)
-        return math.sqrt(sigma_um**2 - spared_um**2 + max(self.sigma_um) ** 2)
+        own_um2 = max(sigma_um**2 - true_um**2, 0.0)
+        spared_um2 = min(min(self.spared_um) ** 2, MOST_SPARED * own_um2)
+        return math.sqrt(sigma_um**2 - spared_um2 + max(self.sigma_um) ** 2)
+
+    def trials_um(self, charged_um: float, true_um: float = 0.0) -> float:
+        """Return the sigma of trials, um, that is `charged_um` with this cost."""
+        rest_um2 = charged_um**2 - max(self.sigma_um) ** 2 - true_um**2
+        left_um2 = max(rest_um2, 0.0)
+        spared_um2 = min(self.spared_um) ** 2
+        own_um2 = min(left_um2 + spared_um2, left_um2 / (1 - MOST_SPARED))
+        return math.sqrt(own_um2 + true_um**2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,11 +32,17 @@ def keys(node: Any) -> set[str]:
     return found
 
 
-def rows(name: str) -> list[list[str]]:
-    """Return the cells of all tables of a page, heads left out."""
-    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line.startswith(("| `", "| ["))]
-    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+def rows(name: str) -> list[dict[str, str]]:
+    """Return the cells of all tables of a page by their heads; no cell is empty."""
+    text, found = (PAGES / f"{name}.md").read_text(encoding="utf-8"), []
+    heads: list[str] = []
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if line.startswith(("| `", "| [")):
+            found.append({h: c for h, c in zip(heads, cells, strict=True) if c})
+        elif line.startswith("| "):
+            heads = cells
+    return found
 
 
 def test_the_pages_are_what_the_generator_writes() -> None:
@@ -52,17 +58,18 @@ def test_the_pages_are_what_the_generator_writes() -> None:
 @pytest.mark.parametrize("name", json_schema.NAMES)
 def test_every_key_of_a_format_is_told_and_explained(name: str) -> None:
     told = rows(name)
-    assert {row[0].strip("`") for row in told} == keys(json_schema.load(name))
-    assert [row for row in told if not (row[1] and row[3] and row[5])] == []
+    assert {row["key"].strip("`") for row in told} == keys(json_schema.load(name))
+    needed = {"key", "type", "default", "meaning"}
+    assert [row for row in told if not needed <= row.keys()] == []
 
 
 @pytest.mark.parametrize("name", ["task", "workcell", "station"])
 def test_a_number_of_a_file_has_unit_and_range(name: str) -> None:
-    numbers = [row for row in rows(name) if row[1] == "number"]
+    numbers = [row for row in rows(name) if row["type"] == "number"]
     assert len(numbers) > 10
-    assert [row[0] for row in numbers if not row[2]] == []
+    assert [row["key"] for row in numbers if "unit" not in row] == []
     ranged = [row for row in numbers if name != "station"]  # its reader bounds few
-    assert [row[0] for row in ranged if not row[4]] == []
+    assert [row["key"] for row in ranged if "range" not in row] == []
 
 
 def test_every_option_of_both_programs_is_told(
@@ -84,6 +91,6 @@ def test_every_option_of_both_programs_is_told(
 
 
 def test_every_diagnostic_is_told_with_its_page() -> None:
-    told = {row[0][1:6] for row in rows("diagnostics")}
+    told = {row["code"][1:6] for row in rows("diagnostics")}
     pages = {page.stem for page in (ROOT / "docs" / "diagnostics").glob("MP*.md")}
     assert told == pages

@@ -4,38 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from microplan.arrays import FloatArray
 
 _WAVES = 96  # of a field: as good as normal
-_FLATTEST = 4.0  # of the sensor's smaller side over the largest correlation length
-# slope of an edge in its middle, in steps times aperture over wavelength, in focus and
-# incoherent light
-_STEEPEST = 16 / (3 * math.pi)
+_SPAN = 4.0  # of wavelength over aperture: an edge not far out of focus lies within
+_STRONG = 0.5  # of a picture's largest step: its usual edges are stronger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureErrors:
     """Standard deviations of pictures about images, and the seed that they come from.
 
-    Fields stay on the sensor; each setting of the lens has its own.
+    One draw stays with all pictures of a region of one size at one setting of the lens:
+    another look has another region, or setting.
     """
 
     edge: float  # of the step at an edge, in its middle
     flat: float  # of the light, smooth
-    pixel: float  # white, of the contrast: twice the picture's own standard deviation
-    shape: tuple[int, int]  # rows and columns of the sensor
+    pixel: float  # white, of the picture's usual step
     seed: int
 
     def of(
-        self,
-        image: FloatArray,
-        corner: tuple[int, int],
-        blur_px: float,
-        setting: tuple[float, float],
+        self, image: FloatArray, blur_px: float, setting: tuple[float, float]
     ) -> FloatArray:
         """Return what a picture shows besides its image, (rows, columns).
 
@@ -43,8 +37,6 @@ class PictureErrors:
         ----------
         image : (rows, columns) float array
             Share of full scale, without noise.
-        corner : (row, column)
-            Of its first pixel on the sensor.
         blur_px : float
             Wavelength over aperture, pixels.
         setting : (magnification, um)
@@ -52,51 +44,52 @@ class PictureErrors:
 
         Notes
         -----
-        An edge of the step s in focus is as steep as 16 A s / (3 pi wavelength): the
-        gradient times wavelength over that is s in its middle.
+        Light changes along an edge as if that lay beside its place: by the slope there.
+        Its steepest slope nearby stands for the step from the least to the most light.
         """
-        longest_px = max(min(self.shape) / _FLATTEST, blur_px)
-        made = _drawn(self.seed, setting, self.shape, blur_px, longest_px)
-        rows = slice(corner[0], corner[0] + image.shape[0])
-        columns = slice(corner[1], corner[1] + image.shape[1])
-        slope = np.hypot(*np.gradient(image))
-        found: FloatArray = self.edge * made.edges[rows, columns] * slope
-        found *= blur_px / _STEEPEST
-        found += self.flat * made.faces[rows, columns] * image
-        found += self.pixel * 2 * image.std() * made.pixels[rows, columns]
+        words = [np.float64(value).view(np.uint64).item() for value in setting]
+        rng = np.random.default_rng(
+            np.random.SeedSequence([self.seed, *words, *image.shape])
+        )
+        longest_px = max(min(image.shape) / 2, blur_px)
+        along_px = blur_px * (longest_px / blur_px) ** rng.uniform()
+        steps = local_steps(image, blur_px)
+        slope = slopes(image)
+        steepest = most_near(slope, blur_px)
+        share = np.divide(slope, steepest, out=np.zeros_like(slope), where=steepest > 0)
+        found: FloatArray = self.edge * steps * share
+        found *= waves(image.shape, along_px, rng)
+        found += self.flat * image * waves(image.shape, longest_px, rng)
+        usual = float(np.median(steps[steps >= _STRONG * steps.max()]))
+        found += self.pixel * usual * rng.normal(size=image.shape)
         return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Fields:
-    """Fields of variance 1 over the sensor, (rows, columns) each."""
-
-    edges: FloatArray
-    faces: FloatArray
-    pixels: FloatArray
-
-
-@lru_cache(maxsize=2)
-def _drawn(
-    seed: int,
-    setting: tuple[float, float],
-    shape: tuple[int, int],
-    shortest_px: float,
-    longest_px: float,
-) -> _Fields:
-    """Return the fields of one setting of the lens."""
-    words = [np.float64(value).view(np.uint64).item() for value in setting]
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *words]))
-    between = shortest_px * (longest_px / shortest_px) ** rng.uniform()
-    return _Fields(
-        edges=waves(shape, between, rng),
-        faces=waves(shape, longest_px, rng),
-        pixels=rng.normal(size=shape),
+def slopes(image: FloatArray) -> FloatArray:
+    """Return lengths of gradients, (rows, columns) a pixel; 0 beyond the rim."""
+    wide = np.pad(image, 1, mode="edge")
+    found: FloatArray = np.hypot(
+        wide[1:-1, 2:] - wide[1:-1, :-2], wide[2:, 1:-1] - wide[:-2, 1:-1]
     )
+    return found / 2
+
+
+def local_steps(image: FloatArray, blur_px: float) -> FloatArray:
+    """Return the range of light about each pixel, as far as an edge reaches."""
+    return most_near(image, blur_px) + most_near(-image, blur_px)
+
+
+def most_near(values: FloatArray, blur_px: float) -> FloatArray:
+    """Return the largest of values (rows, columns) as far as an edge reaches."""
+    half = max(1, round(_SPAN * blur_px / 2))
+    found = np.pad(values, half, mode="edge")
+    for axis in (0, 1):
+        found = sliding_window_view(found, 2 * half + 1, axis=axis).max(axis=-1)
+    return found
 
 
 def waves(
-    shape: tuple[int, int], length_px: float, rng: np.random.Generator
+    shape: tuple[int, ...], length_px: float, rng: np.random.Generator
 ) -> FloatArray:
     """Return a sum of plane waves of any phase, (rows, columns), of variance 1.
 

@@ -184,6 +184,6 @@ def _noisy(
     image: FloatArray, camera: CameraNoise, rng: np.random.Generator
 ) -> FloatArray:
     """Return one noisy image."""
-    spread = np.sqrt(camera.variance(image))
+    spread = np.sqrt(camera.noise_variance(image))  # what frames average
     noisy: FloatArray = image + spread * rng.standard_normal(image.shape)
     return noisy

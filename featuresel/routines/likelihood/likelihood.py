@@ -174,7 +174,7 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
     The other one is better if it explains as much of the target by more than noise.
     """
     noise = math.sqrt(2 / found.pixels)
-    if job.front is None or found.chi2 <= 1 + _DOUBTFUL * noise:
+    if job.front is None or found.quality.left <= 1 + _DOUBTFUL * noise:
         return found
     pose, blur = found.pose, found.pose.occluder_blur
     there = replace(
@@ -183,9 +183,9 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
         front=OccluderBlur(focus_um=-blur.focus_um),
     )
     other = fit_pose(job, surfaces_first(job, there))
-    if isinstance(other, Failure) or other.used < _AS_MUCH * found.used:
+    if isinstance(other, Failure) or other.quality.used < _AS_MUCH * found.quality.used:
         return found
-    return other if other.chi2 < found.chi2 - noise else found
+    return other if other.quality.left < found.quality.left - noise else found
 
 
 def _at_mark(
@@ -202,7 +202,7 @@ def _at_mark(
     if best > 0:
         start = replace(found.pose, turn_rad=float(turns[best]))
         other = fit_pose(job, start)
-        if isinstance(other, PoseFit) and other.chi2 < found.chi2:
+        if isinstance(other, PoseFit) and other.quality.left < found.quality.left:
             found = other
             turns = equal_turns(found.pose.turn_rad, job.symmetry)
             seen = marks(job, found, turns, cells)
@@ -218,13 +218,13 @@ def answer(
     found: PoseFit, p: Mapping[str, float], guess: Guess
 ) -> Measurement | Failure:
     """Return the measurement, or why the fit cannot be believed."""
-    pose = found.pose
+    pose, how = found.pose, found.quality
     if found.light[0] < _DIMMEST:
         return Failure("too_dim", f"{found.light[0]:.2g} of the nominal light")
-    if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
+    if how.chi2 > _WORST_CHI2 or how.used < _LEAST_USED:
         return Failure(
             "misfit",
-            f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the pixels fit",
+            f"chi squared {how.chi2:.1f} a pixel, {how.used:.0%} of the pixels fit",
         )
     moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
     if moved > _FAR_PX:
@@ -244,7 +244,7 @@ def answer(
         column=pose.column,
         row=pose.row,
         theta_rad=theta,
-        score=found.used / max(1.0, found.chi2),
+        score=how.used / max(1.0, how.chi2),
         spread_px=float(max(sigma[0], sigma[1])),
         spread_theta_rad=float(sigma[2]) if p["turns"] else None,
         z_um=found.z_um if p["focus_sigma_um"] > 0 else None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.arrays import FloatArray, IntArray
+from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.likelihood.appearance import (
     AGAIN_PX,
@@ -24,7 +24,11 @@ from microplan.featuresel.routines.likelihood.comparison import (
     pixels_of,
     see,
 )
-from microplan.featuresel.routines.sampling import median
+from microplan.featuresel.routines.likelihood.fit_quality import (
+    FitQuality,
+    quality,
+    usual_size,
+)
 
 _ROUNDS = 30  # of Gauss-Newton; it settles in 2 to 8, far out of focus in more
 _SETTLED = 0.05  # squared length of the next step, in standard deviations, over chi^2
@@ -32,9 +36,6 @@ _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
-# Tukey's cut that costs 5 % where all is normal, in standard deviations, and the mean
-# square of normal numbers by those weights
-_CORE, _CORE_SQUARE = 4.685, 0.82807
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
 _MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
 _SURFACE_ROUNDS = 2  # amounts and light multiply each other
@@ -49,8 +50,7 @@ class PoseFit:
     light: FloatArray  # (3,) gain, and its changes across and down the region
     covariance: FloatArray  # (P + 3, P + 3) of the pose's P numbers and of light
     squared: bool  # the covariance is of the square of the focus
-    chi2: float  # of most pixels, each: 1 if only noise is left
-    used: float  # share of the pixels that fit as most do
+    quality: FitQuality
     pixels: int
 
     @property
@@ -67,7 +67,7 @@ class PoseFit:
 
         What the model leaves unexplained counts as more noise.
         """
-        sigma = np.sqrt(np.diag(self.covariance)[:5] * max(1.0, self.chi2))
+        sigma = np.sqrt(np.diag(self.covariance)[:5] * max(1.0, self.quality.chi2))
         if self.squared:  # about focus its root spreads as the root
             off_um = abs(self.pose.z_um)
             sigma[3] = sigma[3] / max(2 * off_um, math.sqrt(sigma[3]), 1e-12)
@@ -107,7 +107,7 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         # steps shrink by squares at the end: the next one over this is, squared too,
         # this one over the last
         least = length * min(1.0, length / shorter) ** 2
-        if least < _SETTLED * max(1.0, linear.chi2) and length < _NEARLY:
+        if least < _SETTLED * max(1.0, linear.quality.chi2) and length < _NEARLY:
             return linear.after(move).result(job, pose, light)
         shorter = max(length, 1e-300)
     return Failure("diverged", f"not settled after {_ROUNDS} rounds")
@@ -160,9 +160,10 @@ class _Linear:
     normal: FloatArray  # (P + 3, P + 3)
     noise: FloatArray  # (P + 3, P + 3), of that what noise alone gives
     right: FloatArray  # (P + 3,)
-    chi2: float
-    used: float
-    pixels: int
+    quality: FitQuality
+    residual: FloatArray  # (N,), in standard deviations
+    design: FloatArray  # (P + 3, N), its slopes
+    clear: BoolArray  # (N,), neither cut off nor saturated
 
     def move(
         self, job: ImageComparison, pose: ImagePose, depths: float
@@ -195,9 +196,9 @@ class _Linear:
         return move, share
 
     def after(self, move: FloatArray) -> _Linear:
-        """Return the problem with chi squared as a step leaves it."""
-        gained = float(move @ (2 * self.right - self.normal @ move)) / self.pixels
-        return replace(self, chi2=max(self.chi2 - gained, 0.0))
+        """Return the problem with its pixels as a step leaves them."""
+        left = self.residual - move @ self.design
+        return replace(self, residual=left, quality=quality(left, self.clear))
 
     def result(
         self, job: ImageComparison, pose: ImagePose, light: FloatArray
@@ -212,9 +213,8 @@ class _Linear:
             light=light,
             covariance=covariance,
             squared=job.squared,
-            chi2=self.chi2,
-            used=self.used,
-            pixels=self.pixels,
+            quality=self.quality,
+            pixels=len(self.residual),
         )
 
 
@@ -238,12 +238,12 @@ def _linear(
     variance = job.camera.variance(mean)
     own, noise = job.camera.noise_variance(mean) / variance, np.sqrt(variance)
     residual = (seen.value - mean) / noise
-    scale = max(1.0, 1.4826 * median(np.abs(residual)))
-    ratio = residual / (REJECT * scale)
+    ratio = residual / (REJECT * usual_size(residual))
     least, most = job.camera.floor, min(job.camera.ceiling, _FULL)
-    trusted = (np.abs(ratio) < 1) & (seen.value < most) & (mean < most)
+    clear = (seen.value < most) & (mean < most)
     if least > 0:  # darkness is cut off: less light gives the same count
-        trusted &= (seen.value > least) & (mean > least)
+        clear &= (seen.value > least) & (mean > least)
+    trusted = (np.abs(ratio) < 1) & clear
     if trusted.sum() < FEWEST:
         return Failure("misfit", f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
@@ -259,21 +259,11 @@ def _linear(
         normal=(design * weight) @ design.T + np.diag(pull),
         noise=(design * (weight * own)) @ design.T + np.diag(pull),
         right=right,
-        chi2=_robust_chi2(residual, scale),
-        used=float((trusted & (np.abs(residual) < _CORE * scale)).mean()),
-        pixels=len(residual),
+        quality=quality(residual, clear),
+        residual=residual,
+        design=design,
+        clear=clear,
     )
-
-
-def _robust_chi2(residual: FloatArray, scale: float) -> float:
-    """Return the mean square of residuals, (N,) in standard deviations, 1 if normal.
-
-    By Tukey's weights about their usual size `scale`: dust, or another thing beside the
-    target, does not decide it.
-    """
-    ratio = residual / (_CORE * scale)
-    weight = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
-    return float(weight @ residual**2 / weight.sum() / _CORE_SQUARE)
 
 
 def _together(seen: list[PixelComparison]) -> PixelComparison:

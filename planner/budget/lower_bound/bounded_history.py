@@ -43,8 +43,7 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
     if known is None:
         return seen
     factor = sigma_factor(known.answered, known.kurtosis, doubt)
-    model_um2, grown_um = _model_um(cost, doubt)
-    parts = (seen.moved_um, model_um2, grown_um)
+    grown_um = _model_um(cost, doubt)
     turn = seen.sigma_theta_rad
     if turn and known.kurtosis_theta is not None:
         turn_factor = sigma_factor(known.answered, known.kurtosis_theta, doubt)
@@ -55,24 +54,23 @@ def bounded(seen: PastMeasurement, doubt: float) -> PastMeasurement:
     own_um = seen.sigma_without_scale_um
     return replace(
         seen,
-        sigma_um=_grown(seen.sigma_um, parts, factor),
+        sigma_um=_grown(seen, seen.sigma_um, factor, grown_um),
         sigma_without_scale_um=None
         if own_um is None
-        else _grown(own_um, parts, factor),
+        else _grown(seen, own_um, factor, grown_um),
         sigma_theta_rad=turn,
     )
 
 
-def _model_um(cost: ModelCost | None, doubt: float) -> tuple[float, float]:
-    """Return what errors of images change a variance by, um^2, and sigma at most, um.
+def _model_um(cost: ModelCost | None, doubt: float) -> float:
+    """Return the upper bound of sigma by errors of images, um.
 
-    Of a variance that they make smaller the upper bound knows nothing.
+    All that answers differ by counts: nothing is spared.
     """
     if cost is None:
-        return (0.0, 0.0)
-    sigma_um, spared_um = max(cost.sigma_um), min(cost.spared_um)
-    most_um = sigma_um if cost.spread_um is None else max(cost.spread_um)
-    return (sigma_um**2 - spared_um**2, _pairs_factor(cost, doubt) * most_um)
+        return 0.0
+    most_um = max(cost.sigma_um if cost.spread_um is None else cost.spread_um)
+    return _pairs_factor(cost, doubt) * most_um
 
 
 def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:
@@ -82,18 +80,23 @@ def _pairs_factor(cost: ModelCost | None, doubt: float) -> float:
     return sigma_factor(cost.pairs, NORMAL_KURTOSIS, doubt)
 
 
-def _grown(sigma_um: float, parts: tuple[float, float, float], factor: float) -> float:
-    """Return sigma with what trials measured of it grown.
+def _grown(
+    seen: PastMeasurement, sigma_um: float, factor: float, model_um: float
+) -> float:
+    """Return one of a measurement's sigmas with what trials measured of it grown.
 
-    `parts` are what moves add, um, left alone, by how much errors of images change its
-    square, um^2, and sigma by them at its upper bound, um.
+    What moves add is left alone; errors of images count with their upper bound.
     """
     if math.isinf(sigma_um):
         return sigma_um
-    moved_um, model_um2, model_grown_um = parts
-    measured_um = math.sqrt(max(sigma_um**2 - moved_um**2 - model_um2, 0.0))
-    trials_um = factor * measured_um if measured_um > 0 else 0.0
-    return math.hypot(trials_um, moved_um, model_grown_um)
+    charged_um = math.sqrt(max(sigma_um**2 - seen.moved_um**2, 0.0))
+    cost = seen.own_cost or seen.model_cost
+    trials_um = charged_um
+    if cost is not None:
+        true_um = min(seen.trueness_um, charged_um)
+        trials_um = cost.trials_um(charged_um, true_um)
+    grown_um = factor * trials_um if trials_um > 0 else 0.0
+    return math.hypot(grown_um, seen.moved_um, model_um)
 
 
 def bias_um(seen: PastMeasurement | None, doubt: float) -> float:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import ncx2
 
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.planner.budget.budget import FOCUS_TERM
+from microplan.planner.budget.budget import FOCUS_TERM, PICTURES
 from microplan.planner.budget.drift_since_look import DriftTolerance, is_placed
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
@@ -85,3 +86,17 @@ def test_the_lens_shifts_more_the_farther_the_focus_is_off() -> None:
 def test_no_answer_is_not_borne() -> None:
     found = outcomes([(0.0, 0.0), None])
     assert [is_placed(outcome) for outcome in found] == [True, False]
+
+
+def test_what_pictures_add_counts_once_where_draws_scatter_by_it() -> None:
+    """The draws' discrepancy is in their scatter, and in a row of its own."""
+    draws = np.array([(1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0)])
+    scatter_um = math.sqrt(8 / 6)
+    found = outcomes([tuple(each) for each in draws.tolist()])
+    whole = job(0.1)
+    row = BudgetRow(term=f"{PICTURES} of gear.bore", sigma_um=0.9, source="test")
+    parted = replace(whole, blind=(*whole.blind, row))
+    chance = 1 - beyond(scatter_um, 0.0)
+    for each in (whole, parted):
+        assert borne(chance - 1e-4, of=each)(0.01, found)
+        assert not borne(chance + 1e-4, of=each)(0.01, found)

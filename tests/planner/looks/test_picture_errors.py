@@ -14,8 +14,8 @@ from microplan.planner.assembly.world import build_world
 from microplan.planner.budget.budget import PICTURES, PastMeasurement, looking_rows
 from microplan.planner.looks.picture_errors import picture_rows
 from microplan.planner.task.task import Task
-from microplan.planner.task.workcell import PictureErrors
-from microplan.schemas.plan import Repeatability
+from microplan.planner.task.workcell import DiscrepancyShares
+from microplan.schemas.plan import Repeatability, parse_plan
 from tests.planner.examples import EXAMPLE, read
 from tests.planner.looks.test_scenario import case_of
 from tests.planner.task.light.test_check_light import loaded
@@ -25,6 +25,11 @@ KNOWN = Repeatability(
     trials=64, answered=64, undetected=0, sigma_um=(0.05, 0.04), kurtosis=3.0,
     half_width_um=(0.0, 0.0), trueness_um=(0.02, 0.03), trueness_rad=None,
 )  # fmt: skip
+GOLDEN = parse_plan(
+    (EXAMPLE.parents[1] / "tests/golden/gear_on_shaft.fast.json").read_text("utf-8")
+)
+SEEN = next(step.looks[0].measure for step in GOLDEN.steps if step.looks)
+MEASURE = replace(SEEN, repeatability=KNOWN)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +40,7 @@ def task() -> Task:
 def test_what_is_not_stated_is_as_usual(tmp_path: Path) -> None:
     task, _ = loaded(tmp_path, {})
     assert task is not None
-    usual = PictureErrors(edge=0.03, flat=0.01, pixel=0.03, is_stated=False)
+    usual = DiscrepancyShares(edge=0.03, flat=0.01, pixel=0.03, is_stated=False)
     assert task.workcell.discrepancy == usual
 
 
@@ -43,7 +48,7 @@ def test_what_is_stated_counts_and_what_is_left_out_is_as_usual(tmp_path: Path) 
     text = "discrepancy: {edge: 0.02, pixel: 0}\nlight:"
     task, _ = loaded(tmp_path, {LIGHT: text})
     assert task is not None
-    stated = PictureErrors(edge=0.02, flat=0.01, pixel=0.0, is_stated=True)
+    stated = DiscrepancyShares(edge=0.02, flat=0.01, pixel=0.0, is_stated=True)
     assert task.workcell.discrepancy == stated
     optics = build_world(task, initial(task)).optics
     assert (optics.discrepancy_edge, optics.discrepancy_pixel) == (0.02, 0.0)
@@ -68,19 +73,19 @@ def test_a_share_of_the_target_s_own_step_is_taken(task: Task) -> None:
 
 
 def test_nothing_at_all_is_no_discrepancy(task: Task) -> None:
-    none = PictureErrors(edge=0.0, flat=0.0, pixel=0.0, is_stated=True)
+    none = DiscrepancyShares(edge=0.0, flat=0.0, pixel=0.0, is_stated=True)
     cell = replace(task.workcell, discrepancy=none)
     case = case_of(replace(task, workcell=cell), "find_gear")
     assert case.discrepancy is None
-    assert picture_rows(cell, case, KNOWN) == ()
+    assert picture_rows(cell, case, MEASURE) == ()
 
 
 def test_the_ledger_has_the_worse_axis(task: Task) -> None:
     case = case_of(task, "find_gear")
-    (row,) = picture_rows(task.workcell, case, KNOWN)
+    (row,) = picture_rows(task.workcell, case, MEASURE)
     assert row.predicted_error == pytest.approx(30.0)  # nm
     assert row.limit == pytest.approx(1000 * case.tolerance_um)
-    assert "not stated" in row.reason
+    assert "none is stated" in row.reason
 
 
 def test_a_budget_has_trueness_beside_what_repeats(task: Task) -> None:

@@ -111,11 +111,13 @@ def test_the_limit_is_that_of_place_alone(name: str) -> None:
 def test_only_noise_is_left(name: str, z_um: float) -> None:
     _, _, found = fits(name, z_um)
     pixels = sum(fit.pixels for fit in found)
-    left = sum(fit.chi2 * fit.pixels for fit in found) / pixels
+    left = sum(fit.quality.chi2 * fit.pixels for fit in found) / pixels
     # as many squares less the eight numbers fitted, and .05**2 that the model errs by
     low, high = (chi2.ppf(p, pixels) / pixels for p in (SURE, 1 - SURE))
     assert low - 8 * DRAWS / pixels < left < high + 0.05**2
-    assert all(fit.used > 0.999 for fit in found)  # beyond 12 deviations is nothing
+    assert all(
+        fit.quality.used > 0.999 for fit in found
+    )  # beyond 12 deviations is nothing
 
 
 @pytest.mark.parametrize("name", ["find_gear", "post"])
@@ -166,7 +168,7 @@ def test_one_step_from_the_answer_stays_there() -> None:
     assert isinstance(again, PoseFit)
     assert abs(again.pose.column - fit.pose.column) < 0.25 * fit.sigma[0]
     assert abs(again.pose.z_um - fit.pose.z_um) < 0.25 * fit.sigma[3]
-    assert again.chi2 == pytest.approx(fit.chi2, rel=0.01)
+    assert again.quality.chi2 == pytest.approx(fit.quality.chi2, rel=0.01)
 
 
 def test_what_is_not_in_view_is_refused() -> None:

@@ -178,10 +178,30 @@ def test_what_images_cost_has_ends_of_its_own() -> None:
     assert wide.sigma_um == pytest.approx(math.hypot(0.03 * trials, 0.05 * pairs))
     turn = math.hypot(3e-3 * sigma_factor(60, 3.0, 0.01), 6e-3 * pairs)
     assert wide.sigma_theta_rad == pytest.approx(turn)
-    spared = replace(cost, sigma_um=(0.0, 0.0), spared_um=(0.02, 0.01), spread_um=None)
-    less = replace(seen, sigma_um=spared.charged_um(0.03), model_cost=spared)
-    assert less.sigma_um == pytest.approx(math.sqrt(0.03**2 - 0.01**2))
-    assert bounded(less, 0.01).sigma_um == pytest.approx(0.03 * trials)  # for nothing
     assert bias_um(seen, 0.05) == pytest.approx(0.005)  # that of the trials stays
     assert bias_rad(seen, 0.05) == pytest.approx(0.003 + 1e-3 + 3e-3)
     assert model_bias_um(None, 0.05) == model_bias_um(look("a", "b", 1.0), 0.05) == 0
+
+
+@pytest.mark.parametrize("spared_um", [(0.02, 0.01), (0.09, 0.09)])
+@pytest.mark.parametrize("true_um", [0.0, 0.025])
+def test_what_images_spare_a_look_is_no_part_of_its_bound(
+    spared_um: tuple[float, float], true_um: float
+) -> None:
+    """By its own cost alone, whatever its fallback's is, and where the cap is met."""
+    own = ModelCost(
+        pairs=12, freedom=6, bias_um=(0.0, 0.0), half_width_um=(0.0, 0.0),
+        interval_um=(0.0, 0.0), sigma_um=(0.0, 0.0), spared_um=spared_um,
+    )  # fmt: skip
+    either = replace(own, spared_um=(0.0, 0.0))
+    charged_um = own.charged_um(0.03, true_um)
+    assert true_um < charged_um < 0.03
+    seen = replace(
+        look("part", "see", math.hypot(charged_um, 0.04)), repeatability=KNOWN,
+        model_cost=either, own_cost=own, trueness_um=true_um, moved_um=0.04,
+        sigma_without_scale_um=math.hypot(charged_um, 0.04),
+    )  # fmt: skip
+    expected = math.hypot(0.03 * sigma_factor(60, 4.0, 0.01), 0.04)
+    found = bounded(seen, 0.01)
+    assert found.sigma_um == pytest.approx(expected)
+    assert found.sigma_without_scale_um == pytest.approx(expected)

@@ -245,3 +245,13 @@ def test_sigma_is_charged_by_its_worse_axis(
     cost = replace(ONE, sigma_um=added, spared_um=spared)
     assert cost.charged_um(0.5) == pytest.approx(sigma)
     assert cost.charged_um(math.inf) == math.inf
+
+
+def test_nothing_of_the_trueness_is_spared() -> None:
+    """Pairs of images have no discrepancy: what real pictures add they cannot take."""
+    cost = replace(ONE, sigma_um=(0.0, 0.0), spared_um=(9.0, 9.0))
+    assert cost.charged_um(0.05, 0.04) == pytest.approx(math.hypot(0.03 / 2, 0.04))
+    assert cost.charged_um(0.05, 0.05) == pytest.approx(0.05)
+    for sigma_um, true_um in ((0.05, 0.04), (0.05, 0.0), (0.05, 0.05)):
+        charged_um = cost.charged_um(sigma_um, true_um)
+        assert cost.trials_um(charged_um, true_um) == pytest.approx(sigma_um)
