@@ -43,7 +43,7 @@ SUBJECTS = (
     ("MP0", "Files and syntax"), ("MP1", "Task and workcell"), ("MP2", "Drawings"),
     ("MP3", "Assembly and scenes"), ("MP4", "Optics and views"),
     ("MP5", "Routines and selection"), ("MP6", "Fit, budget and forces"),
-    ("MP7", "Outputs"), ("MP8", "Execution"),
+    ("MP7", "Outputs"), ("MP8", "Execution"), ("MP9", "Pictures"),
 )  # fmt: skip
 READING = (
     "A table is headed by its place: NAME is a name of your choosing, `[]` any entry "

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from microplan.planner.cli.answering import BAD_INPUT, DONE
 from microplan.planner.cli.arguments import build_parser
 from microplan.planner.cli.compiling import compile_task
+from microplan.planner.cli.measuring import measure
 from microplan.planner.cli.plans import diff, export, report_plan
 from microplan.planner.cli.shipped import codes, explain, init, schema
 from microplan.planner.cli.tasks import check, render, tradeoff
@@ -94,8 +95,9 @@ def _completion(call: argparse.Namespace) -> int:
 
 _RUNS = {
     "init": init, "check": check, "compile": compile_task, "render": render,
-    "tradeoff": tradeoff, "diff": diff, "export": export, "report": report_plan,
-    "explain": explain, "schema": schema, "completion": _completion,
+    "tradeoff": tradeoff, "measure": measure, "diff": diff, "export": export,
+    "report": report_plan, "explain": explain, "schema": schema,
+    "completion": _completion,
 }  # fmt: skip
 
 

@@ -118,6 +118,8 @@ TITLES: Mapping[str, str] = {
     "MP720": "nothing to export",
     "MP721": "plan folder is not whole",
     "MP722": "exported plan is infeasible",
+    "MP901": "a picture cannot be used",
+    "MP902": "nothing measures this target",
 }
 
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first
