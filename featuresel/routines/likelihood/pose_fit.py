@@ -139,7 +139,7 @@ def surfaces_first(job: ImageComparison, start: ImagePose) -> ImagePose:
 def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """Return the pose one Gauss-Newton step from `start`, as `fit_pose` would step.
 
-    Chi squared is what the linear problem leaves.
+    Chi squared is what the linear problem leaves, of all pixels.
     """
     linear = _linear(job, start, None, pixels_of(job, start))
     if isinstance(linear, Failure):
@@ -148,8 +148,11 @@ def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     if step is None:
         return Failure("no_contrast", "the image tells no pose")
     move, _ = step
-    end = _after(job, start, move)
-    return linear.after(move).result(job, end, linear.light + move[-3:])
+    end, after = _after(job, start, move), linear.after(move)
+    # a step too long leaves most at few pixels, where light bends: all of them count
+    strict = replace(after.quality, chi2=after.quality.left)
+    last = replace(after, quality=strict)
+    return last.result(job, end, linear.light + move[-3:])
 
 
 @dataclass(frozen=True, slots=True)

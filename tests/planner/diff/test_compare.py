@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +13,7 @@ from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.tolerances import parse_rule, unit_of
 from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
+from tests.project.test_reference import rows
 
 GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
 TEXT = GOLDEN.read_text(encoding="utf-8")
@@ -248,9 +248,9 @@ def test_every_length_angle_time_and_force_of_a_plan_has_a_unit() -> None:
 
 def test_units_are_those_of_the_reference() -> None:
     """Which has them from a table of its own."""
-    text = (ROOT / "docs/reference/plan.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| [^|]*number[^|]* \| ([^|]*) \|", text, re.M)
-    known = {key: unit.replace("^", "") for key, unit in rows if unit not in ("", "1")}
+    told = [row for row in rows("plan") if "number" in row["type"]]
+    units = {row["key"].strip("`"): row.get("unit", "1") for row in told}
+    known = {key: u.replace("^", "") for key, u in units.items() if u != "1"}
     assert len(known) > 100
     assert {key: unit_of((key,)) for key in known} == known
 
