@@ -23,6 +23,11 @@ class Trueness:
     um: tuple[float, float] | None = None
     rad: float | None = None  # None: no angle is measured
 
+    @property
+    def worse_um(self) -> float:
+        """Return that of the worse axis, um, 0 if it is not known."""
+        return 0.0 if self.um is None else max(self.um)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repeated:

@@ -208,7 +208,7 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
             first.tried, first.repeated, first.chosen.chain, task.seed
         )
         if first.charges.chain is not None:
-            true_um = max(first.repeated.true(first.chosen.chain).um or (0.0,))
+            true_um = first.repeated.true(first.chosen.chain).worse_um
             without_scale_um = first.charges.chain.charged_um(without_scale_um, true_um)
     shift, response = _coherence(problem, found), _response(problem, found)
     return CompiledLook(

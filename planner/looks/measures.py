@@ -142,7 +142,7 @@ def _charged_um(
 def _true_um(found: MeasuredFeature, spare: ChainScore | None = None) -> float:
     """Return how far discrepancies move the chain's answers, or the fallback's, um."""
     chain = (spare or found.promised).chain
-    return max(found.repeated.true(chain).um or (0.0,))
+    return found.repeated.true(chain).worse_um
 
 
 def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.likelihood.comparison import REJECT
 from microplan.featuresel.routines.sampling import median
 
 _TO_SIGMA = 1.4826  # of a normal distribution, over its median distance from 0
 # Tukey's cut that costs 5 % where all is normal, in standard deviations, and the mean
 # square of normal numbers by those weights
 _CUT, _SQUARE = 4.685, 0.82807
-_FAR = 12.0  # standard deviations: how much farther a pixel is off tells nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,5 +59,5 @@ def quality(residual: FloatArray, clear: BoolArray) -> FitQuality:
     return FitQuality(
         chi2=chi2,
         used=float((weight > 0).sum() / len(residual)),
-        left=float(np.minimum(told**2, _FAR**2).mean()),
+        left=float(np.minimum(told**2, REJECT**2).mean()),
     )
