@@ -28,7 +28,7 @@ class Score:
     # of the answers; `microplan render --trial` shows it
     worst_trial: int | None = None
     median_trial: int | None = None  # of the answers
-    first_failing_trial: int | None = None  # aloud or silently
+    first_failing_trial: int | None = None  # reported or silent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -157,7 +157,7 @@ class Measure:
     """How a look measures one feature: its target, or another of the same part."""
 
     chain: tuple[RoutineUse, ...]  # coarse to fine
-    fallback: tuple[RoutineUse, ...]  # used when the chain fails aloud; may be empty
+    fallback: tuple[RoutineUse, ...]  # where the chain reports a failure; may be empty
     region: Region  # what the routine sees of the frame
     reference: Reference  # where the target should be
     bias_um: tuple[float, float]  # mean error, in the target's frame; subtract it
