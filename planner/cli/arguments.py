@@ -10,14 +10,12 @@ from microplan.planner.cli.argument_values import (
     asked,
     confidence,
     count,
-    depth,
     kinds,
-    names,
     share,
 )
+from microplan.planner.cli.picture_arguments import add_measure
 from microplan.planner.diff.changes import KINDS
 from microplan.planner.diff.tolerances import parse_rule
-from microplan.planner.measure.near import NEAR, parse_near
 from microplan.planner.task.presets import AXES, PRESETS, parse_vary
 from microplan.schemas.files.json_schema import NAMES
 from microplan.schemas.page.completion import SHELLS
@@ -183,55 +181,6 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     _add_task(parser)
 
 
-def _add_measure(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan measure`."""
-    parser.add_argument(
-        "pictures",
-        nargs="+",
-        type=Path,
-        metavar="IMAGE",
-        help="PNG or TIFF file, or a folder of them; a page of a TIFF is a picture",
-    )
-    parser.add_argument("--task", required=True, help="task.yaml")
-    parser.add_argument("--step", required=True, help="id of a step that looks")
-    parser.add_argument(
-        "--chain",
-        type=asked(names, "routines, coarse to fine, as otsu,likelihood"),
-        metavar="NAME,...",
-        help="routines to measure with; default: the best on the task's images",
-    )
-    parser.add_argument(
-        "--near",
-        type=asked(parse_near, NEAR),
-        metavar="X,Y[,DEG]",
-        help="where the target is about: 320px,244px of the frame, or --near=-12um,3um "
-        "in the world; angle in degrees; default: where the task has it",
-    )
-    parser.add_argument("--magnification", type=float, help="default: as compiled")
-    parser.add_argument("--focus-um", type=float, help="world height in focus")
-    parser.add_argument(
-        "--bits",
-        type=asked(depth, "a whole number from 1 to 16"),
-        metavar="N",
-        help="full scale of the pictures is 2**N - 1; default: that of the file, of 16 "
-        "bits that of the task's camera",
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="a JSON object a picture, one a line"
-    )
-    parser.add_argument(
-        "--mark",
-        type=Path,
-        metavar="FOLDER",
-        help="write the pictures with the target's contour where it was found",
-    )
-    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="list every gate, and all notes"
-    )
-    parser.set_defaults(format="text")  # of the findings
-
-
 def _add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan diff`."""
     parser.add_argument("old", type=Path, help="plan.json, or the folder it is in")
@@ -317,7 +266,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "compile": (_add_compile, "compile a task into a plan"),
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
-    "measure": (_add_measure, "measure a target in pictures of it"),
+    "measure": (add_measure, "measure a target in pictures of it"),
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),

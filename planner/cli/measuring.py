@@ -33,6 +33,7 @@ def measure(call: argparse.Namespace) -> int:
         tally = _measured(call, report)
         is_refused = tally is not None and not tally.all_accepted
     except CallError as error:
+        call.task = call.task or call.part or "microplan measure"
         refuse(call, report, error)
     status = answer(call, report, "")
     return NO if status == DONE and is_refused else status
@@ -43,9 +44,8 @@ def _measured(call: argparse.Namespace, report: Report) -> AnswerTally | None:
     from microplan.planner.measure.measuring import report_unusable
     from microplan.planner.measure.picture_files import PictureError, files_of
     from microplan.planner.measure.picture_look import check_chain
-    from microplan.planner.task.read_task import load_task
 
-    task = load_task(call.task, report)
+    task = _task(call, report)
     if task is None:
         return None
     check_chain(call.chain)
@@ -63,6 +63,28 @@ def _measured(call: argparse.Namespace, report: Report) -> AnswerTally | None:
     return None if look is None else _each(look, files, call, report)
 
 
+def _task(call: argparse.Namespace, report: Report) -> Task | None:
+    """Return the task that a call names, or that of a part alone; None if at fault."""
+    if (call.task is None) == (call.part is None):
+        raise CallError("MP903", "either --task with --step is needed, or --part")
+    for name in ("step", "workcell"):
+        other = "task" if name == "step" else "part"
+        if (getattr(call, name) is None) != (getattr(call, other) is None):
+            raise CallError("MP903", f"--{other} and --{name} belong together")
+    if call.part is not None:
+        from microplan.planner.measure.part_task import STEP, PartCall, part_task
+
+        call.step = STEP
+        return part_task(asked_for(PartCall, call), report)
+    for name in ("target", "height_um", "units", "layers", "cell", "polarity"):
+        if getattr(call, name) is not None:
+            option = name.replace("_", "-")
+            raise CallError("MP903", f"--{option} is of --part: the task states it")
+    from microplan.planner.task.read_task import load_task
+
+    return load_task(call.task, report)
+
+
 def _look(task: Task, call: argparse.Namespace, report: Report) -> PictureLook | None:
     """Return the look made ready, by what earlier calls kept; None if it cannot be."""
     from microplan.planner.measure.picture_look import PictureLookCall, picture_look
@@ -70,7 +92,7 @@ def _look(task: Task, call: argparse.Namespace, report: Report) -> PictureLook |
     from microplan.planner.store.store import Store, place
 
     store = Store(place())
-    asked = asked_for(PictureLookCall, call)
+    asked = asked_for(PictureLookCall, call, alone=call.part is not None)
     look = picture_look(task, asked, report, Memo(store), tell_progress)
     store.trim()
     return look

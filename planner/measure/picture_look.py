@@ -46,6 +46,9 @@ class PictureLookCall:
     magnification: float | None = None
     focus_um: float | None = None
     preset: Preset | None = None
+    # no later step uses it: the angle only if it can be known, and of the chains that
+    # are good enough the most accurate, not the cheapest
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,33 +93,59 @@ def picture_look(
         not.
     """
     check_chain(call.chain)
-    preset = call.preset or task.optimise.prefer
-    effort = PRESETS[preset]
     request = _request(task, call.step)
+    tried = _tried(task, request, call, report, memo, progress)
+    if tried is None:
+        return None
+    chosen = tried.comparison.selection.chosen
+    if chosen is None and call.alone and request.wants_angle:
+        request = replace(request, wants_angle=False)
+        tried = _tried(task, request, call, report, memo, progress) or tried
+        chosen = tried.comparison.selection.chosen
+    if chosen is None:
+        case = tried.case
+        message = (
+            f"look {request.id!r}: nothing measures {case.target.name} well enough"
+        )
+        message += f" at {case.microscope.magnification:.4g} x"
+        advice = tried.comparison.selection.advice
+        report.refuse(CODE, request.where, message, advice)
+        return None
+    pareto = tried.comparison.selection.pareto
+    if call.alone and pareto:
+        chosen = pareto[-1]
+    repeated = memo.call(
+        repeatability,
+        tried.case,
+        tried.comparison.prepared,
+        (chosen.chain,),
+        count=PRESETS[_preset(task, call)].random_trials,
+        root_seed=task.seed,
+    )
+    return _ready(tried, chosen, repeated)
+
+
+def _preset(task: Task, call: PictureLookCall) -> Preset:
+    return call.preset or task.optimise.prefer
+
+
+def _tried(
+    task: Task,
+    request: Request,
+    call: PictureLookCall,
+    report: Report,
+    memo: Memo,
+    progress: Callable[[str], None],
+) -> Evaluation | None:
+    """Return a look with its chains compared, None if it has no view: see `report`."""
     built = _case(task, request, call, report, memo)
     if built is None:
         return None
     case, fidelity = built
     progress(f"trying routines on images of {case.target.name} ...")
+    effort = PRESETS[_preset(task, call)]
     compared = _compared(task, case, call.chain, effort, memo)
-    tried = Evaluation(case=case, fidelity=fidelity, comparison=compared)
-    chosen = compared.selection.chosen
-    if chosen is None:
-        message = (
-            f"look {request.id!r}: nothing measures {case.target.name} well enough"
-        )
-        message += f" at {case.microscope.magnification:.4g} x"
-        report.refuse(CODE, request.where, message, compared.selection.advice)
-        return None
-    repeated = memo.call(
-        repeatability,
-        case,
-        compared.prepared,
-        (chosen.chain,),
-        count=effort.random_trials,
-        root_seed=task.seed,
-    )
-    return _ready(tried, chosen, repeated)
+    return Evaluation(case=case, fidelity=fidelity, comparison=compared)
 
 
 def _ready(tried: Evaluation, chosen: ChainScore, repeated: Repeated) -> PictureLook:

@@ -120,6 +120,7 @@ TITLES: Mapping[str, str] = {
     "MP722": "exported plan is infeasible",
     "MP901": "a picture cannot be used",
     "MP902": "nothing measures this target",
+    "MP903": "what is to be measured is not clear",
 }
 
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first

@@ -10,6 +10,7 @@ from microplan.planner.drawings.dxf.census import held
 from microplan.planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing
 from microplan.planner.drawings.dxf.drawing import take as take_dxf
 from microplan.planner.drawings.gds.drawing import (
+    LABELS,
     GdsDrawing,
     held_gds,
     listed,
@@ -99,6 +100,16 @@ def form(drawing: AnyDrawing) -> str:
     others = sorted(set(drawing.library.structures) - set(drawing.cells))
     ignored = f"; cells ignored: {listed(others)}" if others else ""
     return f"GDSII, cell '{drawing.cell}'{placed}{ignored}"
+
+
+def shape_layers(drawing: AnyDrawing) -> tuple[str, ...]:
+    """Return the names of all layers that hold something that is seen, sorted."""
+    if isinstance(drawing, GdsDrawing):
+        found = held_gds(drawing)
+        return tuple(sorted({layer for layer, kind in found if kind not in LABELS}))
+    seen, _ = held(drawing.document)
+    # what is hidden or on paper has the reason behind its kind
+    return tuple(sorted({layer for layer, kind in seen if " " not in kind}))
 
 
 def rows(sheet: DrawingSheet) -> tuple[tuple[LayerRow, ...], bool]:

@@ -66,8 +66,14 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     """
     file = str(path)
     source = read_source(Path(path), file, report, Span(file=file))
-    if source is None:
-        return None
+    return None if source is None else read_task(source, report)
+
+
+def read_task(source: Source, report: Report) -> Task | None:
+    """Return the task that a source holds, None if there was any error.
+
+    As `load_task`, of what has been parsed.
+    """
     task = check(source, "task", "microplan", report)
     cell = _workcell(task, report)
     parts = read_parts(task, report)

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WIDTH = 120  # of lines of prose
-MOST_WORDS = 100_000  # of all pages in docs/
+MOST_WORDS = 85_000  # of all pages in docs/; rules of tables are none
 PACKAGES = "planner|executor|featuresel|optics|schemas"
 # entry points and modules of a user's own
 EXAMPLES = {"microplan.drivers", "microplan.featuresel.routines.grey_centroid"}
@@ -69,4 +69,5 @@ def test_lines_of_prose_are_short(page: Path) -> None:
 
 def test_the_pages_stay_few_in_words() -> None:
     pages = (ROOT / "docs").rglob("*.md")
-    assert sum(len(p.read_text(encoding="utf-8").split()) for p in pages) <= MOST_WORDS
+    words = [w for p in pages for w in p.read_text(encoding="utf-8").split()]
+    assert sum(any(c.isalnum() for c in word) for word in words) <= MOST_WORDS
