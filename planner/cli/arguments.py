@@ -13,7 +13,7 @@ from microplan.planner.cli.argument_values import (
     kinds,
     share,
 )
-from microplan.planner.cli.picture_arguments import add_measure
+from microplan.planner.cli.picture_arguments import add_calibrate, add_measure
 from microplan.planner.diff.changes import KINDS
 from microplan.planner.diff.tolerances import parse_rule
 from microplan.planner.task.presets import AXES, PRESETS, parse_vary
@@ -267,6 +267,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "measure": (add_measure, "measure a target in pictures of it"),
+    "calibrate": (add_calibrate, "measure the camera in pictures of a still scene"),
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),

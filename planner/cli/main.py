@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from microplan.planner.cli.answering import BAD_INPUT, DONE
 from microplan.planner.cli.arguments import build_parser
+from microplan.planner.cli.calibrating import calibrate
 from microplan.planner.cli.compiling import compile_task
 from microplan.planner.cli.measuring import measure
 from microplan.planner.cli.plans import diff, export, report_plan
@@ -95,8 +96,8 @@ def _completion(call: argparse.Namespace) -> int:
 
 _RUNS = {
     "init": init, "check": check, "compile": compile_task, "render": render,
-    "tradeoff": tradeoff, "measure": measure, "diff": diff, "export": export,
-    "report": report_plan, "explain": explain, "schema": schema,
+    "tradeoff": tradeoff, "measure": measure, "calibrate": calibrate, "diff": diff,
+    "export": export, "report": report_plan, "explain": explain, "schema": schema,
     "completion": _completion,
 }  # fmt: skip
 

@@ -14,13 +14,7 @@ UNITS = ("nm", "um", "mm", "inch", "m")  # that drawings may be in
 
 def add_measure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan measure`."""
-    parser.add_argument(
-        "pictures",
-        nargs="+",
-        type=Path,
-        metavar="IMAGE",
-        help="PNG or TIFF file, or a folder of them; a page of a TIFF is a picture",
-    )
+    _add_pictures(parser)
     parser.add_argument("--task", help="task.yaml, with --step")
     parser.add_argument("--step", help="id of a step that looks")
     _add_part(parser)
@@ -40,13 +34,7 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--magnification", type=float, help="default: as compiled")
     parser.add_argument("--focus-um", type=float, help="world height in focus")
-    parser.add_argument(
-        "--bits",
-        type=asked(depth, "a whole number from 1 to 16"),
-        metavar="N",
-        help="full scale of the pictures is 2**N - 1; default: that of the file, of 16 "
-        "bits that of the task's camera",
-    )
+    _add_bits(parser)
     parser.add_argument(
         "--json", action="store_true", help="a JSON object a picture, one a line"
     )
@@ -61,6 +49,39 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
         "-v", "--verbose", action="store_true", help="list every gate, and all notes"
     )
     parser.set_defaults(format="text")  # of the findings
+
+
+def add_calibrate(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan calibrate`."""
+    _add_pictures(parser)
+    parser.add_argument("--workcell", type=Path, required=True, help="workcell.yaml")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="the workcell with what was found, beside it"
+    )
+    _add_bits(parser)
+    parser.set_defaults(format="text")
+
+
+def _add_pictures(parser: argparse.ArgumentParser) -> None:
+    """Add the files of pictures."""
+    parser.add_argument(
+        "pictures",
+        nargs="+",
+        type=Path,
+        metavar="IMAGE",
+        help="PNG or TIFF file, or a folder of them; a page of a TIFF is a picture",
+    )
+
+
+def _add_bits(parser: argparse.ArgumentParser) -> None:
+    """Add the full scale of pictures."""
+    parser.add_argument(
+        "--bits",
+        type=asked(depth, "a whole number from 1 to 16"),
+        metavar="N",
+        help="full scale of the pictures is 2**N - 1; default: that of the file, of 16 "
+        "bits that of the camera",
+    )
 
 
 def _add_part(parser: argparse.ArgumentParser) -> None:

@@ -121,6 +121,7 @@ TITLES: Mapping[str, str] = {
     "MP901": "a picture cannot be used",
     "MP902": "nothing measures this target",
     "MP903": "what is to be measured is not clear",
+    "MP904": "pictures do not tell this of the camera",
 }
 
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first

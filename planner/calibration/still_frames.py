@@ -1,0 +1,82 @@
+"""Frames of one still scene, added up one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from microplan.arrays import FloatArray, IntArray
+
+_CODES = 1 << 16  # counts that pictures of up to 16 bits have
+
+
+@dataclass(slots=True, kw_only=True)
+class StillScene:
+    """What frames of a still scene amount to, in counts of the file.
+
+    Memory does not grow with their number.
+    """
+
+    frames: int
+    total: FloatArray  # (rows, columns): sum of all frames
+    # (rows, columns): sum over successive frames of twice their variance, each frame's
+    # common change of light taken off
+    squares: FloatArray
+    lowest: FloatArray  # (rows, columns)
+    highest: FloatArray
+    codes: IntArray  # (65536,): how often each count occurs
+    top: int  # full scale, counts
+    _last: FloatArray = field(repr=False)
+
+    @classmethod
+    def of(cls, first: FloatArray, top: int) -> Self:
+        """Return the scene after one frame, (rows, columns) counts 0..`top`."""
+        return cls(
+            frames=1,
+            total=first.copy(),
+            squares=np.zeros(first.shape),
+            lowest=first.copy(),
+            highest=first.copy(),
+            codes=_counted(first),
+            top=top,
+            _last=first,
+        )
+
+    def add(self, frame: FloatArray) -> None:
+        """Add the next frame, of the same shape.
+
+        Of two frames a, b whose light differs by a factor f the difference b - f a has
+        (1 + f^2) times the variance of one. What is cut off tells no factor.
+        """
+        least, most = np.minimum(self._last, frame), np.maximum(self._last, frame)
+        inside = (least > 0) & (most < self.top)
+        sums = float(self._last[inside].sum()), float(frame[inside].sum())
+        factor = sums[1] / sums[0] if inside.any() else 1.0
+        change = frame - factor * self._last
+        self.squares += change**2 * (2 / (1 + factor**2))
+        self.frames += 1
+        self.total += frame
+        np.minimum(self.lowest, frame, out=self.lowest)
+        np.maximum(self.highest, frame, out=self.highest)
+        self.codes += _counted(frame)
+        self._last = frame
+
+    @property
+    def mean(self) -> FloatArray:
+        """Return the mean of all frames, (rows, columns) counts."""
+        return self.total / self.frames
+
+    @property
+    def variance(self) -> FloatArray:
+        """Return each pixel's variance in time, (rows, columns) counts squared.
+
+        Of two frames or more.
+        """
+        return self.squares / (2 * (self.frames - 1))
+
+
+def _counted(frame: FloatArray) -> IntArray:
+    """Return how often each count occurs."""
+    return np.bincount(frame.astype(np.intp).ravel(), minlength=_CODES)

@@ -1,0 +1,77 @@
+"""A workcell file's text with calibrated values put in; all else stays as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+_WIDTH = 110  # of a line
+
+
+def with_noise_table(text: str, rows: str, calibrated: Mapping[str, Any]) -> str:
+    """Return a workcell's text with a noise table in its camera.
+
+    Parameters
+    ----------
+    text : str
+        A valid workcell file, its camera a mapping.
+    rows : str
+        The table as YAML writes it in one line.
+    calibrated : mapping
+        What the block `calibrated` says of it, by key; others of the block stay.
+    """
+    changed = _with_key(text, _mapping(text, "camera"), "noise_table", rows)
+    kept = yaml.safe_load(changed).get("calibrated") or {}
+    block = yaml.safe_dump(
+        {"calibrated": {**kept, **calibrated}}, sort_keys=True, width=_WIDTH
+    )
+    return _with_block(changed, block)
+
+
+def _mapping(text: str, key: str) -> yaml.MappingNode:
+    """Return the node of a top-level mapping."""
+    for name, value in _top(text):
+        if name.value == key and isinstance(value, yaml.MappingNode):
+            return value
+    raise ValueError(f"no mapping {key!r}")
+
+
+def _top(text: str) -> list[tuple[yaml.Node, yaml.Node]]:
+    """Return the keys of a file with their values."""
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    if not isinstance(root, yaml.MappingNode):
+        raise ValueError("a workcell is a mapping")
+    return [(name, value) for name, value in root.value]
+
+
+def _with_key(text: str, node: yaml.MappingNode, key: str, value: str) -> str:
+    """Return the text with a key of a mapping set."""
+    for name, old in node.value:
+        if name.value == key:
+            end = _end(text, old)
+            return text[: old.start_mark.index] + value + text[end:]
+    first = node.value[0][0].start_mark
+    line = f"{key}: {value}"
+    if node.flow_style:
+        return f"{text[: first.index]}{line}, {text[first.index :]}"
+    indent = "\n" + " " * first.column
+    return f"{text[: first.index]}{line}{indent}{text[first.index :]}"
+
+
+def _with_block(text: str, block: str) -> str:
+    """Return the text with a top-level block at its end, in place of an older one."""
+    for name, old in _top(text):
+        if name.value == "calibrated":
+            start, end = name.start_mark.index, _end(text, old)
+            return text[:start] + block.rstrip() + text[end:]
+    return f"{text.rstrip()}\n\n{block}"
+
+
+def _end(text: str, node: yaml.Node) -> int:
+    """Return where a node's own text ends: block nodes reach to the next key."""
+    if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
+        last = node.value[-1]
+        return _end(text, last[1] if isinstance(last, tuple) else last)
+    return int(node.end_mark.index)
