@@ -35,6 +35,7 @@ from benchmarks.optics import (
     shading,
     vectors,
 )
+from benchmarks.real import gates
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
@@ -53,6 +54,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     pictures.BENCHMARK,
     planted.BENCHMARK,
     replayed.BENCHMARK,
+    gates.BENCHMARK,
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,

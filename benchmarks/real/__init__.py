@@ -1,0 +1,1 @@
+"""Pictures that are none of the compiler's: what measuring makes of them."""
