@@ -29,6 +29,10 @@ from microplan.schemas.pose import Pose
 
 # Gates lie outside what every accepted trial showed, by these margins.
 SCORE_MARGIN = 0.8
+# What a score lacks of 1 grows as the square of what pictures differ from images by:
+# they may differ by 2.5 times as much as in the worst trial.
+SHORTFALL = 2.5**2
+LACKS = 0.005  # of 1 at least: one edge of many may be lost where no trial lost any
 SHIFT_MARGIN = 1.5
 SPREAD_MARGIN = 2.0
 
@@ -210,9 +214,18 @@ def _min_score(tried: Evaluation, chain: ChainScore, accepted: AcceptedRange) ->
     the limit of undetected failures asks for.
     """
     scores = [o.score for o in _good(tried, chain) if o.score is not None]
-    usual = SCORE_MARGIN * min([*scores, accepted.least_score]) if scores else 0.0
+    usual = usual_score(min([*scores, accepted.least_score])) if scores else 0.0
     gate = _gate(tried, chain)
     return usual if gate is None else max(usual, gate.refuses)
+
+
+def usual_score(least: float) -> float:
+    """Return the least score to believe, where good answers of trials had `least`.
+
+    0..1. A share of it; near 1 a multiple of what it lacks, or parts that look nearly
+    like the target would pass.
+    """
+    return max(SCORE_MARGIN * least, 1 - SHORTFALL * max(1 - least, LACKS))
 
 
 def _gate(tried: Evaluation, chain: ChainScore) -> Gate | None:

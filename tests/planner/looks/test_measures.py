@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -13,10 +14,13 @@ from microplan.featuresel.trials.score import score_chain
 from microplan.featuresel.trials.trials import WRONG_TOLERANCES
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.measures import (
+    LACKS,
     SCORE_MARGIN,
     SHIFT_MARGIN,
+    SHORTFALL,
     SPREAD_MARGIN,
     acceptance_gates,
+    usual_score,
 )
 from microplan.planner.looks.model_errors.model_cost import AcceptedRange
 from microplan.schemas.plan import Gates
@@ -54,6 +58,17 @@ def test_gates_lie_a_margin_outside_what_right_answers_show(tried: Evaluation) -
     assert found.max_shift_um == SHIFT_MARGIN * tried.case.spread.search_um
     # right answers are surer than the tolerance: that is allowed in any case
     assert found.max_spread_um == tried.case.tolerance_um
+
+
+def test_near_perfect_scores_leave_room_for_what_trials_showed_six_times() -> None:
+    """The rule of shares below, of shortfalls above, without a step between them."""
+    assert usual_score(0.98) == pytest.approx(1 - SHORTFALL * 0.02)
+    assert usual_score(0.9) == SCORE_MARGIN * 0.9
+    assert usual_score(0.0) == 0.0
+    assert usual_score(1.0) == 1 - SHORTFALL * LACKS
+    rising = [usual_score(k / 1000) for k in range(1001)]
+    assert rising == sorted(rising)
+    assert max(b - a for a, b in pairwise(rising)) < 0.01
 
 
 def test_right_answers_on_better_images_are_among_them(tried: Evaluation) -> None:
