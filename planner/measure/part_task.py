@@ -220,7 +220,7 @@ def _feature(text: str) -> dict[str, Any]:
     if rest:
         found["layer"] = rest[0]
     if len(rest) == 2:
-        if not rest[1].isdigit():
+        if not rest[1].isdecimal():
             raise CallError(CODE, f"{rest[1]!r} in the target {text!r} is no number")
         found["count" if kind == "teeth" else "ring"] = int(rest[1])
     return found

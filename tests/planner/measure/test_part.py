@@ -160,7 +160,7 @@ def test_what_is_missing_and_not_unique_is_asked_for(folder: Path) -> None:
     for height in (math.inf, -1.0, math.nan):
         one = refused(part=disc, workcell=cell, height_um=height)
         assert "--height-um must be 0 or more" in str(one)
-    for target in ("hole", "circle:DISC:x", "circle:A:1:2"):
+    for target in ("hole", "circle:DISC:x", "circle:DISC:\u00b2", "circle:A:1:2"):
         refused(part=disc, workcell=cell, magnification=ZOOM, target=target)
 
 
