@@ -10,6 +10,8 @@ import numpy as np
 from microplan.arrays import FloatArray, IntArray
 
 _CODES = 1 << 16  # counts that pictures of up to 16 bits have
+_OUTLIER = 4.45  # times the median change: three standard deviations of a normal one
+_ROUNDS = 2  # in which outliers are found: those of the first move the factor
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,10 +52,7 @@ class StillScene:
         Of two frames a, b whose light differs by a factor f the difference b - f a has
         (1 + f^2) times the variance of one. What is cut off tells no factor.
         """
-        least, most = np.minimum(self._last, frame), np.maximum(self._last, frame)
-        inside = (least > 0) & (most < self.top)
-        sums = float(self._last[inside].sum()), float(frame[inside].sum())
-        factor = sums[1] / sums[0] if inside.any() else 1.0
+        factor = _common_factor(self._last, frame, self.top)
         change = frame - factor * self._last
         self.squares += change**2 * (2 / (1 + factor**2))
         self.frames += 1
@@ -75,6 +74,25 @@ class StillScene:
         Of two frames or more.
         """
         return self.squares / (2 * (self.frames - 1))
+
+
+def _common_factor(last: FloatArray, frame: FloatArray, top: int) -> float:
+    """Return a frame's light over that of the last, 1 if no pixel shows it.
+
+    Pixels whose change is an outlier are left out: at an edge that vibrates it is no
+    change of light.
+    """
+    inside = (np.minimum(last, frame) > 0) & (np.maximum(last, frame) < top)
+    before, after = last[inside], frame[inside]
+    if not before.size:
+        return 1.0
+    factor = float(after.sum() / before.sum())
+    for _ in range(_ROUNDS):
+        off = after - factor * before
+        off = np.abs(off - np.median(off))
+        near = off <= _OUTLIER * np.median(off)
+        factor = float(after[near].sum() / before[near].sum())
+    return factor
 
 
 def _counted(frame: FloatArray) -> IntArray:

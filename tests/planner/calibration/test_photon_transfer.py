@@ -92,6 +92,24 @@ def test_flicker_and_vibration_are_not_taken_for_noise() -> None:
             assert row.variance == pytest.approx(true_variance(row.level), rel=0.15)
 
 
+@pytest.mark.parametrize("flicker", [0.0, 0.01])
+def test_one_edge_that_vibrates_is_not_taken_for_flicker(flicker: float) -> None:
+    """It changes the sum of all light, and most the noise of what is bright."""
+    light = np.full((64, 64), 0.25)
+    light[:, 32:] = 0.75
+    light = gaussian_filter(light, 1.5)
+    bright = [
+        row
+        for seed in range(3)
+        for row in rows_of(seen(light, 24, seed=seed, shake_px=0.3, flicker=flicker))
+        if row.level > 150
+    ]
+    pixels = sum(row.pixels for row in bright)
+    ratios = [row.pixels * row.variance / true_variance(row.level) for row in bright]
+    chance = math.sqrt(3 / (pixels * 23))
+    assert sum(ratios) / pixels == pytest.approx(1, abs=4 * chance)
+
+
 def _inside(scene: StillScene) -> FloatArray:
     return np.asarray((scene.lowest > 0) & (scene.highest < 255))
 
