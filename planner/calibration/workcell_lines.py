@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,26 +25,28 @@ def with_noise_table(text: str, rows: str, calibrated: Mapping[str, Any]) -> str
     """
     changed = _with_key(text, _mapping(text, "camera"), "noise_table", rows)
     kept = yaml.safe_load(changed).get("calibrated") or {}
-    block = yaml.safe_dump(
-        {"calibrated": {**kept, **calibrated}}, sort_keys=True, width=_WIDTH
-    )
-    return _with_block(changed, block)
+    said = {**kept, **calibrated}
+    root = _root(changed)
+    if root.flow_style:  # as JSON is
+        line = yaml.safe_dump(said, default_flow_style=True, width=math.inf)
+        return _with_key(changed, root, "calibrated", line.rstrip())
+    return _with_block(changed, yaml.safe_dump({"calibrated": said}, width=_WIDTH))
 
 
 def _mapping(text: str, key: str) -> yaml.MappingNode:
     """Return the node of a top-level mapping."""
-    for name, value in _top(text):
+    for name, value in _root(text).value:
         if name.value == key and isinstance(value, yaml.MappingNode):
             return value
     raise ValueError(f"no mapping {key!r}")
 
 
-def _top(text: str) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Return the keys of a file with their values."""
+def _root(text: str) -> yaml.MappingNode:
+    """Return the node of a file."""
     root = yaml.compose(text, Loader=yaml.SafeLoader)
     if not isinstance(root, yaml.MappingNode):
         raise ValueError("a workcell is a mapping")
-    return [(name, value) for name, value in root.value]
+    return root
 
 
 def _with_key(text: str, node: yaml.MappingNode, key: str, value: str) -> str:
@@ -62,7 +65,7 @@ def _with_key(text: str, node: yaml.MappingNode, key: str, value: str) -> str:
 
 def _with_block(text: str, block: str) -> str:
     """Return the text with a top-level block at its end, in place of an older one."""
-    for name, old in _top(text):
+    for name, old in _root(text).value:
         if name.value == "calibrated":
             start, end = name.start_mark.index, _end(text, old)
             return text[:start] + block.rstrip() + text[end:]

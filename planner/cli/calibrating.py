@@ -23,6 +23,7 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
     from microplan.planner.source.schema import check
     from microplan.planner.source.source import read_source
     from microplan.planner.store.folder import replace_bytes
+    from microplan.planner.task.camera.check_camera import BITS
 
     call.task = str(call.workcell)  # what findings are about
     _check_out(call.workcell, call.out)
@@ -33,7 +34,7 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
     cell = check(source, "workcell", "microplan_workcell", report)
     if report.failed:
         return ""
-    bits = int(cell.source.get("camera", "bits") or 8)
+    bits = int(cell.source.get("camera", "bits") or BITS)
     found = camera_noise(files_of(call.pictures), bits, call.bits, report)
     if found is None or report.failed:
         return ""

@@ -118,6 +118,17 @@ def test_lines_are_put_into_a_file_written_in_blocks() -> None:
     assert "# b" in bare
 
 
+@pytest.mark.parametrize(
+    "before", ['{"camera": {"bits": 8}}', "{camera: {bits: 8},\n}"]
+)
+def test_lines_are_put_into_a_file_in_braces(before: str) -> None:
+    said = {"noise_table": {"method": "d", "sigma": [0.5, None]}}
+    for text in (before, with_noise_table(before, "[[1, 2]]", {"response": {}})):
+        data = yaml.safe_load(with_noise_table(text, "[[5, 6]]", said))
+        assert data["camera"] == {"bits": 8, "noise_table": [[5, 6]]}
+        assert data["calibrated"]["noise_table"] == said["noise_table"]
+
+
 def refused(
     pictures: Path, cell: Path, capsys: pytest.CaptureFixture[str], *words: str
 ) -> str:
