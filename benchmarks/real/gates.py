@@ -21,7 +21,8 @@ from benchmarks.real.twin_pictures import (
 from microplan.featuresel.trials.chains import Chain
 from microplan.planner.measure.measuring import PictureSeries
 from microplan.planner.measure.near import parse_near
-from microplan.planner.measure.part_series import PartCall, part_series
+from microplan.planner.measure.part_series import part_series
+from microplan.planner.measure.part_task import PartCall
 
 CHAINS: tuple[Chain, ...] = (
     ("contour_match",),

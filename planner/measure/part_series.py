@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from microplan.featuresel.trials.chains import Chain
 from microplan.planner.measure.measuring import PictureSeries
 from microplan.planner.measure.part_task import STEP, PartCall, part_task
@@ -11,8 +9,6 @@ from microplan.planner.measure.picture_look import PictureLookCall, picture_look
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Preset
-
-__all__ = ["PartCall", "Path", "part_series"]
 
 
 def part_series(

@@ -29,11 +29,11 @@ from microplan.planner.views.zooms import microscope_at
 Polarity = Literal["bright", "dark"]
 
 CODE = "MP903"
-_NO_FILE = "--part"
+_NO_FILE = "--part"  # name of a task file that there is not
 STEP = "look"  # id of the task's only step
 PART = "part"
-# Reflectances of a bright face and a dark one: routines take gain and offset from the
-# picture, so that the sign of their difference matters and little else.
+# Reflectances of a bright face and a dark one: most routines take gain and offset from
+# the picture, the likelihood fit its gain alone.
 _BRIGHT, _DARK = 0.8, 0.1
 _NEAR_PX = 4.0  # standard deviation per axis of a place that a user reads off a picture
 _NEAR_DEG = 2.0  # and of an angle

@@ -100,7 +100,8 @@ def picture_look(
     chosen = tried.comparison.selection.chosen
     if chosen is None and call.alone and request.wants_angle:
         request = replace(request, wants_angle=False)
-        tried = _tried(task, request, call, report, memo, progress) or tried
+        # the same view again: its findings are known
+        tried = _tried(task, request, call, Report(), memo, progress) or tried
         chosen = tried.comparison.selection.chosen
     if chosen is None:
         case = tried.case

@@ -16,8 +16,8 @@ from scipy.ndimage import gaussian_filter
 from microplan.arrays import FloatArray
 from microplan.planner.cli.main import main
 from microplan.planner.measure.near import parse_near
-from microplan.planner.measure.part_series import PartCall, part_series
-from microplan.planner.measure.part_task import part_task
+from microplan.planner.measure.part_series import part_series
+from microplan.planner.measure.part_task import PartCall, part_task
 from microplan.planner.source.diagnostics import CallError, Report
 from tests.planner.examples import EXAMPLE
 from tests.planner.measure.small_look import save
