@@ -102,6 +102,20 @@ class Measurement:
     axis_rad: float | None = None  # the one direction in which the position is known
 
 
+# Zoom errors stay below 2 %; what is farther off is another thing. Small targets are
+# found larger or smaller where an edge out of focus is.
+_SCALE_OFF, _MOST_SCALE_OFF = 0.03, 0.05
+_EDGE_PX = 1.5
+_ZOOM_SIGMAS = 3.0  # unless zoom errors that were stated are larger
+
+
+def scale_limit(target: Target, zoom_sigma: float) -> float:
+    """Return how far off 1 a target's size may be, by the zoom's relative sigma."""
+    radius_px = target.size_um / 2 * target.px_per_um
+    by_edges = min(_EDGE_PX / max(radius_px, 1.0), _MOST_SCALE_OFF)
+    return max(_SCALE_OFF, by_edges, _ZOOM_SIGMAS * zoom_sigma)
+
+
 @dataclass(frozen=True, slots=True)
 class Failure:
     """Why a routine gives no answer: a stable code and a sentence with the numbers."""

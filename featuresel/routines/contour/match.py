@@ -45,6 +45,7 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Routine,
     Target,
+    scale_limit,
 )
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
@@ -54,7 +55,6 @@ _VALLEY = 0.97  # of the lower score: what lies higher all the way is one hill
 _FEWEST = 12  # points to match
 _BREAKING = 3  # points that distinguish turns, at least
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
-_SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 _NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
 _RUNNER_UP = 0.6  # of the best turn's score, the most the second may reach
 _LEAST = 0.35  # of the whole contour's score: where nothing is, it is 0
@@ -92,6 +92,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "bias_rad": bias[1],
             "noise": _NOISES * sigma * gradient_noise(),
             "zoom_sigma": render.nuisances.zoom_sigma,
+            "scale_off": scale_limit(target, render.nuisances.zoom_sigma),
             "search_px": target.search_px,
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
@@ -149,7 +150,7 @@ def cost(artifact: Artifact, pixels: int) -> float:
 
 CONTOUR_MATCH = Routine(
     name="contour_match",
-    version="1",
+    version="2",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="edges",
     provides=("xy", "theta"),
@@ -265,7 +266,7 @@ def _misplaced(
     drifted = math.hypot(fitted.column - pose.column, fitted.row - pose.row)
     if drifted > 4:
         return Failure("diverged", f"the fit moved by {drifted:.1f} px")
-    if abs(fitted.scale - 1) > _SCALE_OFF:
+    if abs(fitted.scale - 1) > p["scale_off"]:
         return Failure("scale_off", f"{fitted.scale:.3f} times the size")
     turn = abs(math.remainder(fitted.theta_rad - p["theta_rad"], 2 * math.pi))
     if p["turns"] and turn > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:

@@ -28,6 +28,13 @@ _CLEAR = 0.02  # share of the target's light that must come through
 # numbers of the pose: place, turn, focus, zoom, and two of the front; its occluder
 # modes follow
 POSE = 7
+# of light, L: gain, its changes across and down, light all over, and how the response
+# bends: what the square of the light adds
+LIGHT = 5
+# Standard deviations of light all over, of full scale, and of the bend: black levels
+# and responses that nobody stated, stray light. They keep what cannot be told from gain
+# at none.
+_STRAY, _BEND = 0.1, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +47,7 @@ class Free:
     gradient: bool  # whether the light may have one
     front_sigmas: tuple[float, float] | None  # of `OccluderBlur`; None: all is clear
     occluder_modes: int = 0  # of the occluder, S
+    veiled: bool = False  # whether there may be light all over, and a bent response
 
     @property
     def numbers(self) -> int:
@@ -48,26 +56,27 @@ class Free:
 
     @property
     def chosen(self) -> BoolArray:
-        """Return True where a pose's number, gain or gradient is free, (P + 3,)."""
+        """Return True where a number of the pose or of light is free, (P + L,)."""
         z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
         pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
-        light = (True, self.gradient, self.gradient)
+        light = (True, self.gradient, self.gradient, self.veiled, self.veiled)
         return np.array([*pose, *self.occluder_modes * (True,), *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights, (P + 3,), per px^2 or rad^2, that hold a pose at nominal.
+        """Return the weights, (P + L,), per px^2 or rad^2, that hold a pose at nominal.
 
-        (P + 3,); only so much that what cannot be seen stays nominal. Occluder modes
+        (P + L,); only so much that what cannot be seen stays nominal. Occluder modes
         are drawn by their standard deviations: they are many, and images hardly
         determine some of them.
         """
-        weights, z = np.zeros(self.numbers + 3), _LOOSE * self.z_sigma_um
+        weights, z = np.zeros(self.numbers + LIGHT), _LOOSE * self.z_sigma_um
         fronts = self.front_sigmas or (0.0, 0.0)
         sigmas = (z**2 if squared else z, self.zoom_sigma, *fronts)
         for k, sigma in enumerate(sigmas, start=3):
             if sigma > 0:
                 weights[k] = 1 / (_LOOSE * sigma) ** 2
         weights[POSE : self.numbers] = 1.0
+        weights[-2:] = 1 / _STRAY**2, 1 / _BEND**2
         return weights
 
 
@@ -112,6 +121,11 @@ class ImageComparison:
         return replace(self, free=free, front=front)
 
     @property
+    def veiled(self) -> ImageComparison:
+        """Return the job with light all over, or less than none, and a response."""
+        return replace(self, free=replace(self.free, veiled=True))
+
+    @property
     def sides(self) -> tuple[int, ...]:
         """Return the signs of the focus that only the occluders determine."""
         return (1, -1) if self.squared and self.front is not None else (1,)
@@ -124,13 +138,13 @@ class ImageComparison:
         rows: IntArray,
         gains: FloatArray,
     ) -> FloatArray:
-        """Return a target's light at (N,) pixels by gain and gradients, (3,), 0..1."""
+        """Return a target's light at (N,) pixels by (L,) numbers of light, 0..1."""
         if self.front is not None:
             front, through = self.front.plain(pose, columns, rows)
             light = front + through * light
-        place = _place(self, columns, rows)
-        lit: FloatArray = light * (gains[0] + gains[1] * place[0] + gains[2] * place[1])
-        return lit
+        light = _lit(light, _place(self, columns, rows))
+        shown: FloatArray = np.tensordot(gains, light, axes=1)
+        return shown
 
     def focus(self, pose: ImagePose) -> float:
         """Return what is fitted for the focus: its height or, see above, the square."""
@@ -142,7 +156,7 @@ class PixelComparison:
     """What pixels show and what the model says they should."""
 
     value: FloatArray  # (N,) of the image
-    target: FloatArray  # (3, N): light by gain, and by gradients
+    target: FloatArray  # (L, N): light by each number of light
     slopes: FloatArray  # (P, N) by the pose, in even light
     place: FloatArray  # (2, N) across the region, -.5 to .5
 
@@ -201,16 +215,12 @@ def see(
 
 
 def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
-    """Return gain and gradients, (3,) dimensionless, by plain least squares.
+    """Return the numbers of light, (L,) dimensionless, by plain least squares.
 
-    Of (N,) values and (N, 3) target values.
+    Of (N,) values and (L, N) target values.
     """
-    rows = target if free.gradient else target[:1]
-    normal = rows @ rows.T
-    # so little more that a black image has a solution
-    normal.flat[:: len(normal) + 1] += 1e-12 * len(value)
-    light: FloatArray = np.zeros(3)
-    light[: len(normal)] = np.linalg.solve(normal, rows @ value)
+    weight = np.ones((1, len(value)))
+    light: FloatArray = _lights(value[None], target[None], weight, free)[0]
     return light
 
 
@@ -286,15 +296,16 @@ def try_each(
 def _lights(
     value: FloatArray, target: FloatArray, weight: FloatArray, free: Free
 ) -> FloatArray:
-    """Return gain and gradients at each rotation, (T, 3), by plain least squares."""
-    rows = target if free.gradient else target[:, :1]
+    """Return the numbers of light at each rotation, (T, L), by plain least squares."""
+    pick = np.flatnonzero(free.chosen[-LIGHT:])
+    rows = target[:, pick]
     weighted = rows * weight[:, None]
     normal = weighted @ rows.transpose(0, 2, 1)
-    size = normal.shape[1]
-    normal += 1e-12 * value.shape[1] * np.eye(size)  # so that black has a solution
+    # so that black, and what is as bright all over, has a solution
+    normal += 1e-12 * value.shape[1] * np.eye(len(pick))
     right = weighted @ value[:, :, None]
-    light: FloatArray = np.zeros((len(value), 3))
-    light[:, :size] = np.linalg.solve(normal, right)[:, :, 0]
+    light: FloatArray = np.zeros((len(value), LIGHT))
+    light[:, pick] = np.linalg.solve(normal, right)[:, :, 0]
     return light
 
 
@@ -314,5 +325,6 @@ def _place(job: ImageComparison, columns: IntArray, rows: IntArray) -> FloatArra
 
 
 def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
-    """Return (3, ...): the pixels' light by gain, and by gradients."""
-    return np.stack((mean, mean * place[0], mean * place[1]))
+    """Return (L, ...): the pixels' light by each number of light."""
+    even, bent = np.ones_like(mean), mean**2
+    return np.stack((mean, mean * place[0], mean * place[1], even, bent))

@@ -15,6 +15,7 @@ from microplan.featuresel.routines.contract import (
     Failure,
     LookModel,
     Target,
+    scale_limit,
 )
 from microplan.featuresel.routines.likelihood.appearance import read_appearance
 from microplan.featuresel.routines.likelihood.comparison import (
@@ -115,6 +116,7 @@ def prepare_job(
             "range_rad": target.theta_range_rad,
             "focus_sigma_um": drifts.focus_sigma_um,
             "zoom_sigma": drifts.zoom_sigma,
+            "scale_off": scale_limit(target, drifts.zoom_sigma),
             "gradient": drifts.gradient,
             "front_reach_um": reach_um + _BEYOND * apart_um,
             "front_focus_sigma_um": drifts.focus_sigma_um + apart_um,

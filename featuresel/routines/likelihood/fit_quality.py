@@ -21,8 +21,13 @@ class FitQuality:
     """Residuals in standard deviations, those that most of them have."""
 
     chi2: float  # their mean square: 1 where noise and discrepancy explain them
-    used: float  # share of all pixels that are among them
+    used: float  # share of all that pixels tell of the place, told by these
     left: float  # mean square of all, far ones cut: what fits of one image differ in
+
+    @property
+    def score(self) -> float:
+        """Return the share of edges that fits, less where they fit worse than noise."""
+        return self.used / max(1.0, self.chi2)
 
 
 def usual_size(residual: FloatArray) -> float:
@@ -30,7 +35,7 @@ def usual_size(residual: FloatArray) -> float:
     return max(1.0, _TO_SIGMA * median(np.abs(residual)))
 
 
-def quality(residual: FloatArray, clear: BoolArray) -> FitQuality:
+def quality(residual: FloatArray, clear: BoolArray, slopes: FloatArray) -> FitQuality:
     """Return how well pixels fit.
 
     Parameters
@@ -39,12 +44,17 @@ def quality(residual: FloatArray, clear: BoolArray) -> FitQuality:
         Differences over their expected standard deviations.
     clear : (N,) bool array
         Pixels that are neither cut off nor saturated: the others tell nothing.
+    slopes : (2, N) float array
+        What residuals change by with the place, per pixel: their squares are what each
+        tells of it.
 
     Notes
     -----
     By Tukey's weights about the usual size of residuals: dust on an edge, or another
-    thing beside the target, takes its pixels from `used` and leaves `chi2`. A mark that
-    tells turns apart is as small as dust: `left` has it.
+    thing beside the target, takes its pixels from `used` and leaves `chi2`. So does an
+    edge that another part has elsewhere, and of a target's pixels edges are few: each
+    counts by what it tells. A mark that tells turns apart is as small as dust: `left`
+    has it.
 
     References
     ----------
@@ -52,12 +62,12 @@ def quality(residual: FloatArray, clear: BoolArray) -> FitQuality:
     """
     if not clear.any():
         return FitQuality(chi2=np.inf, used=0.0, left=np.inf)
-    told = residual[clear]
+    told, tells = residual[clear], (slopes**2).sum(axis=0)
     ratio = told / (_CUT * usual_size(told))
     weight = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
     chi2 = float(weight @ told**2 / weight.sum() / _SQUARE)
     return FitQuality(
         chi2=chi2,
-        used=float((weight > 0).sum() / len(residual)),
+        used=float(tells[clear][weight > 0].sum() / max(tells.sum(), 1e-300)),
         left=float(np.minimum(told**2, REJECT**2).mean()),
     )

@@ -10,12 +10,11 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.likelihood.appearance import (
-    AGAIN_PX,
     ImagePose,
-    OccluderBlur,
 )
 from microplan.featuresel.routines.likelihood.comparison import (
     FEWEST,
+    LIGHT,
     POSE,
     REJECT,
     ImageComparison,
@@ -29,17 +28,19 @@ from microplan.featuresel.routines.likelihood.fit_quality import (
     quality,
     usual_size,
 )
+from microplan.featuresel.routines.likelihood.pose_moves import (
+    is_elsewhere,
+    modes_of,
+    pose_after,
+    shortened,
+)
 
 _ROUNDS = 30  # of Gauss-Newton; it settles in 2 to 8, far out of focus in more
 _SETTLED = 0.05  # squared length of the next step, in standard deviations, over chi^2
 _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
-_FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
-_MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
-_MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
 _SURFACE_ROUNDS = 2  # amounts and light multiply each other
-_ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +48,8 @@ class PoseFit:
     """What fits best."""
 
     pose: ImagePose
-    light: FloatArray  # (3,) gain, and its changes across and down the region
-    covariance: FloatArray  # (P + 3, P + 3) of the pose's P numbers and of light
+    light: FloatArray  # (L,) see `comparison.LIGHT`
+    covariance: FloatArray  # (P + L, P + L) of the pose's P numbers and of light
     squared: bool  # the covariance is of the square of the focus
     quality: FitQuality
     pixels: int
@@ -88,7 +89,7 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     shorter = math.inf
     chosen, last = pixels_of(job, start), start
     for _ in range(_ROUNDS):
-        if _is_elsewhere(job, last, pose):
+        if is_elsewhere(job, last, pose):
             chosen, last = pixels_of(job, pose), pose
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
@@ -100,7 +101,7 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
         before = float(move[3])
-        pose, light = _after(job, pose, move), linear.light + move[-3:]
+        pose, light = pose_after(job, pose, move), linear.light + move[-LIGHT:]
         length = float(move @ linear.normal @ move)
         if depths == _FAR_DEPTHS:  # a step that is short because it was cut is long
             length /= share**2
@@ -123,16 +124,16 @@ def surfaces_first(job: ImageComparison, start: ImagePose) -> ImagePose:
     if count == 0:
         return start
     pose, light, chosen = start, None, pixels_of(job, start)
-    pick = np.arange(job.free.numbers - count, job.free.numbers + 3)
+    pick = np.arange(job.free.numbers - count, job.free.numbers + LIGHT)
     for _ in range(_SURFACE_ROUNDS):
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return start
-        move = np.zeros(job.free.numbers + 3)
+        move = np.zeros(job.free.numbers + LIGHT)
         pick = pick[job.free.chosen[pick]]
         move[pick] = np.linalg.solve(linear.normal[np.ix_(pick, pick)],
                                      linear.right[pick])  # fmt: skip
-        pose, light = _after(job, pose, move), linear.light + move[-3:]
+        pose, light = pose_after(job, pose, move), linear.light + move[-LIGHT:]
     return pose
 
 
@@ -148,35 +149,35 @@ def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     if step is None:
         return Failure("no_contrast", "the image tells no pose")
     move, _ = step
-    end, after = _after(job, start, move), linear.after(move)
+    end, after = pose_after(job, start, move), linear.after(move)
     # a step too long leaves most at few pixels, where light bends: all of them count
     strict = replace(after.quality, chi2=after.quality.left)
     last = replace(after, quality=strict)
-    return last.result(job, end, linear.light + move[-3:])
+    return last.result(job, end, linear.light + move[-LIGHT:])
 
 
 @dataclass(frozen=True, slots=True)
 class _Linear:
     """The linear least-squares problem at one pose."""
 
-    light: FloatArray  # (3,) that it starts from
-    normal: FloatArray  # (P + 3, P + 3)
-    noise: FloatArray  # (P + 3, P + 3), of that what noise alone gives
-    right: FloatArray  # (P + 3,)
+    light: FloatArray  # (L,) that it starts from
+    normal: FloatArray  # (P + L, P + L)
+    noise: FloatArray  # (P + L, P + L), of that what noise alone gives
+    right: FloatArray  # (P + L,)
     quality: FitQuality
     residual: FloatArray  # (N,), in standard deviations
-    design: FloatArray  # (P + 3, N), its slopes
+    design: FloatArray  # (P + L, N), its slopes
     clear: BoolArray  # (N,), neither cut off nor saturated
 
     def move(
         self, job: ImageComparison, pose: ImagePose, depths: float
     ) -> tuple[FloatArray, float] | None:
-        """Return the step, (P + 3,), and the share of it that may be believed.
+        """Return the step, (P + L,), and the share of it that may be believed.
 
         The step is cut to that; None if there is none.
         """
         pick = np.flatnonzero(job.free.chosen)
-        move = np.zeros(job.free.numbers + 3)
+        move = np.zeros(job.free.numbers + LIGHT)
         try:
             move[pick] = np.linalg.solve(
                 self.normal[np.ix_(pick, pick)], self.right[pick]
@@ -185,15 +186,15 @@ class _Linear:
             return None
         if not np.isfinite(move).all():
             return None
-        share = _shortened(job, pose, move, depths)
+        share = shortened(job, pose, move, depths)
         move *= share
         # the focus stays where planes are, its square positive
-        after = _after(job, pose, move)
+        after = pose_after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
         if job.free.front_sigmas is not None:
             move[5] = after.occluder_blur.focus_um - pose.occluder_blur.focus_um
             move[6] = after.occluder_blur.core - pose.occluder_blur.core
-            move[POSE:-3] = _modes(job, after.occluder_blur) - _modes(
+            move[POSE:-LIGHT] = modes_of(job, after.occluder_blur) - modes_of(
                 job, pose.occluder_blur
             )
         return move, share
@@ -201,14 +202,16 @@ class _Linear:
     def after(self, move: FloatArray) -> _Linear:
         """Return the problem with its pixels as a step leaves them."""
         left = self.residual - move @ self.design
-        return replace(self, residual=left, quality=quality(left, self.clear))
+        return replace(
+            self, residual=left, quality=quality(left, self.clear, self.design[:2])
+        )
 
     def result(
         self, job: ImageComparison, pose: ImagePose, light: FloatArray
     ) -> PoseFit:
         """Return the fit that ends at a pose."""
         pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
-        covariance = np.zeros((job.free.numbers + 3,) * 2)
+        covariance = np.zeros((job.free.numbers + LIGHT,) * 2)
         inverse = np.linalg.pinv(self.normal[pick], hermitian=True)
         covariance[pick] = inverse @ self.noise[pick] @ inverse
         return PoseFit(
@@ -250,19 +253,20 @@ def _linear(
     if trusted.sum() < FEWEST:
         return Failure("misfit", f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
-    lit = light[0] + light[1:] @ seen.place
+    lit = light[0] + light[1:3] @ seen.place + 2 * light[4] * seen.target[0]
     design = np.concatenate((seen.slopes * lit, seen.target)) / noise
     pull = job.free.precision(squared=job.squared)
     right = design @ (weight * residual)
     front = pose.occluder_blur
     off = (job.focus(pose), pose.zoom - 1, front.focus_um, front.core)
-    right[3:-3] -= pull[3:-3] * np.append(off, _modes(job, front))
+    right[3:-LIGHT] -= pull[3:-LIGHT] * np.append(off, modes_of(job, front))
+    right[-LIGHT:] -= pull[-LIGHT:] * light
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
         noise=(design * (weight * own)) @ design.T + np.diag(pull),
         right=right,
-        quality=quality(residual, clear),
+        quality=quality(residual, clear, design[:2]),
         residual=residual,
         design=design,
         clear=clear,
@@ -279,72 +283,3 @@ def _together(seen: list[PixelComparison]) -> PixelComparison:
         slopes=np.concatenate([s.slopes for s in seen], axis=1),
         place=np.concatenate([s.place for s in seen], axis=1),
     )
-
-
-def _shortened(
-    job: ImageComparison, pose: ImagePose, move: FloatArray, depths: float
-) -> float:
-    """Return what a step is cut to: farther, the slopes no longer hold."""
-    far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
-    most = depths * job.looks.step_um
-    if job.squared:
-        most *= 2 * abs(pose.z_um) + most
-    return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
-
-
-def _after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose:
-    """Return the pose after a step; focus stays where planes are."""
-    farthest = max(abs(view.dz_um) for view in job.views)
-    reach, z_um = job.looks.reach_um - farthest, job.focus(pose) + float(move[3])
-    if job.squared:
-        z_um = math.sqrt(max(z_um, 0.0))
-    z_um = min(max(z_um, -reach), reach)
-    return ImagePose(
-        column=pose.column + float(move[0]),
-        row=pose.row + float(move[1]),
-        turn_rad=pose.turn_rad + float(move[2]),
-        z_um=z_um,
-        zoom=min(max(pose.zoom + float(move[4]), _ZOOMS[0]), _ZOOMS[1]),
-        front=_front(job, pose, z_um, move[5:-3]),
-    )
-
-
-def _front(
-    job: ImageComparison, pose: ImagePose, z_um: float, move: FloatArray
-) -> OccluderBlur | None:
-    """Return how the occluder is blurred after a step, within its maps."""
-    if job.front is None:
-        return pose.front
-    was, reach = pose.occluder_blur, job.front.reach_um
-    if job.free.front_sigmas is None:
-        return OccluderBlur(
-            focus_um=math.copysign(z_um, was.focus_um) if job.squared else z_um
-        )
-    return OccluderBlur(
-        focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
-        core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
-        occluder_modes=tuple(
-            np.clip(_modes(job, was) + move[2:], -_MOST_MODE, _MOST_MODE).tolist()
-        ),
-    )
-
-
-def _modes(job: ImageComparison, front: OccluderBlur) -> FloatArray:
-    """Return the occluder modes' amounts, (S,), in standard deviations."""
-    return np.array(front.occluder_modes or (0.0,) * job.free.occluder_modes)
-
-
-def _moved_px(
-    job: ImageComparison, place_px: float, turn_rad: float, zoom: float
-) -> float:
-    """Return how far a move, rotation or zoom takes anything in the template."""
-    rim_px = max(job.looks.shape) / 2 / job.looks.over
-    return max(place_px, abs(turn_rad) * rim_px, abs(zoom) * rim_px)
-
-
-def _is_elsewhere(job: ImageComparison, one: ImagePose, other: ImagePose) -> bool:
-    """Return whether other pixels tell most at the other pose."""
-    place_px = math.hypot(one.column - other.column, one.row - other.row)
-    turn_rad, zoom = one.turn_rad - other.turn_rad, one.zoom - other.zoom
-    far = _moved_px(job, place_px, turn_rad, zoom) > AGAIN_PX
-    return far or abs(one.z_um - other.z_um) > job.looks.step_um

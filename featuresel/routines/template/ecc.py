@@ -22,6 +22,7 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Routine,
     Target,
+    scale_limit,
 )
 from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.ecc_search import (
@@ -32,7 +33,6 @@ from microplan.featuresel.routines.template.ecc_search import (
     turned,
 )
 from microplan.featuresel.routines.template.template_fit import (
-    SCALE_OFF,
     SURE_SCORE,
     refine,
     refine_work,
@@ -78,7 +78,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "theta_rad": target.theta_rad,
             "locked_px": 0.0,
             "scales": float(zoom * _pulled_px(alone) > _PULLED_PX),
-            "scale_off": max(SCALE_OFF, zoom),
+            "scale_off": scale_limit(target, render.nuisances.zoom_sigma),
             **_told(template, round_target=target.kind == "circle"),
         },
         arrays={"template": template.astype(np.float32)},
@@ -122,7 +122,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 ECC = Routine(
     name="ecc",
-    version="2",
+    version="3",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta"),

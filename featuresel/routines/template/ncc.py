@@ -18,10 +18,10 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Routine,
     Target,
+    scale_limit,
 )
 from microplan.featuresel.routines.picture import cut, half_px
 from microplan.featuresel.routines.template.template_fit import (
-    SCALE_OFF,
     SURE_SCORE,
     refine,
     refine_work,
@@ -31,7 +31,6 @@ _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched
 _STEP_PX = 1.0  # of the rim between two templates: half of it blurs, no more
 _MOST = 96  # templates
-_ZOOM_SIGMAS = 3.0  # of zoom errors that a fit's scale may take
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 
 
@@ -72,7 +71,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
             "least_score": SURE_SCORE if target.kind == "jaws" else _LEAST_SCORE,
-            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.nuisances.zoom_sigma),
+            "scale_off": scale_limit(target, render.nuisances.zoom_sigma),
         },
         arrays={
             "templates": np.stack(templates).astype(np.float32),
@@ -135,7 +134,7 @@ def cost(artifact: Artifact, pixels: int) -> float:
 
 NCC = Routine(
     name="ncc",
-    version="2",
+    version="3",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta"),

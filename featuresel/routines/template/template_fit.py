@@ -24,7 +24,6 @@ _BESIDE_PX = 10  # of an edge, compared: as far as defocus of 10 um and more may
 # Of what has nothing behind it, about its edges. A template in focus keeps .97 with
 # fingers 10 um out of it (A = .42); at 25 um .92 is left, and some answers are wrong.
 SURE_SCORE = 0.95
-SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +43,7 @@ def refine(
     shrink: int,
     *,
     least_score: float,
-    scale_off: float = SCALE_OFF,
+    scale_off: float,
     turns: bool = True,
 ) -> TemplateFit | Failure:
     """Return the best fit, from coarse to fine.

@@ -108,6 +108,36 @@ def test_saturated_pixels_decide_no_score() -> None:
     assert bright.spread_um == pytest.approx(clean.spread_um, rel=0.2)
 
 
+@pytest.mark.parametrize(("gamma", "black"), [(0.6, 0.0), (1.5, 0.0), (1.0, -0.12)])
+def test_levels_that_nobody_stated_decide_neither_place_nor_score(
+    gamma: float, black: float
+) -> None:
+    seen = replace(case(), discrepancy=None)
+    sure = replace(seen.sensor, full_well_e=1e9, read_noise_e=0.0, bits=16)
+    light = image(replace(seen, sensor=sure), trial(3))
+
+    def photo(level: FloatArray) -> FloatArray:
+        frame = expose(level, seen.sensor, np.random.default_rng(3))
+        return linear(frame, seen.sensor)
+
+    clean = measured(photo(light))
+    odd = measured(photo(np.clip((1 - black) * light**gamma + black, 0.0, 1.0)))
+    moved = np.subtract(odd.world_um or math.nan, clean.world_um or math.nan)
+    # a bent response moves the middle of a round edge by no more than noise does
+    assert np.hypot(*moved) < 4 * (clean.spread_um or 0.0)
+    assert (odd.score or 0.0) > 0.9 * (clean.score or 1.0)
+
+
+def test_a_post_without_a_quarter_of_its_rim_is_another_thing() -> None:
+    picture, at = image(case(), trial(3)), case().target
+    row, column = np.indices(picture.shape)
+    turn = np.arctan2(row - at.row, column - at.column)
+    beside = np.median(picture[:4])
+    cut = np.where(np.abs(turn) < math.pi / 4, beside, picture)
+    outcome, _ = measure_picture(case(), prepared(), trial(0), cut)
+    assert outcome.failure == "misfit" or (outcome.score or 1.0) < 0.5
+
+
 def place(picture: FloatArray) -> FloatArray:
     """Return where the target is found from afar, (2,) um off its place."""
     return np.array(measured(picture, FROM_AFAR).world_um, dtype=np.float64)

@@ -115,9 +115,8 @@ def test_only_noise_is_left(name: str, z_um: float) -> None:
     # as many squares less the eight numbers fitted, and .05**2 that the model errs by
     low, high = (chi2.ppf(p, pixels) / pixels for p in (SURE, 1 - SURE))
     assert low - 8 * DRAWS / pixels < left < high + 0.05**2
-    assert all(
-        fit.quality.used > 0.999 for fit in found
-    )  # beyond 12 deviations is nothing
+    # of the noise of 1e5 pixels one lies beyond the cut, and tells some thousandths
+    assert all(fit.quality.used > 0.99 for fit in found)
 
 
 @pytest.mark.parametrize("name", ["find_gear", "post"])
