@@ -12,6 +12,10 @@ from microplan.arrays import FloatArray
 
 _WAVES = 96  # of a field: as good as normal
 _SPAN = 4.0  # of wavelength over aperture: an edge not far out of focus lies within
+_BASE_PX = 2.0  # that slopes are taken over
+# Of wavelength over aperture: all of a line's light over its brightest, in focus
+# (a round pupil's, in incoherent light: 1 over the integral of its transfer).
+_LINE = 3 * math.pi / 16
 _STRONG = 0.5  # of a picture's largest step: its usual edges are stronger
 
 
@@ -44,8 +48,10 @@ class PictureErrors:
 
         Notes
         -----
-        Light changes along an edge as if that lay beside its place: by the slope there.
-        Its steepest slope nearby stands for the step from the least to the most light.
+        Light changes along an edge as if that lay a share of its width beside its
+        place: by its slope there times that width, the step from the least to the most
+        light over the steepest slope nearby. Both slopes are taken over two pixels,
+        which makes sharp edges wider than the lens does; none is sharper than the lens.
         """
         words = [np.float64(value).view(np.uint64).item() for value in setting]
         rng = np.random.default_rng(
@@ -56,8 +62,9 @@ class PictureErrors:
         steps = local_steps(image, blur_px)
         slope = slopes(image)
         steepest = most_near(slope, blur_px)
-        share = np.divide(slope, steepest, out=np.zeros_like(slope), where=steepest > 0)
-        found: FloatArray = self.edge * steps * share
+        wide = np.divide(steps, steepest, out=np.zeros_like(slope), where=steepest > 0)
+        width_px = np.sqrt(np.maximum(wide**2 - _BASE_PX**2, (_LINE * blur_px) ** 2))
+        found: FloatArray = self.edge * slope * width_px
         found *= waves(image.shape, along_px, rng)
         found += self.flat * image * waves(image.shape, longest_px, rng)
         usual = float(np.median(steps[steps >= _STRONG * steps.max()]))

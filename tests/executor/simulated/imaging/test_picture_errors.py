@@ -55,6 +55,24 @@ def test_an_edge_errs_by_a_share_of_its_step_in_its_middle() -> None:
         assert np.abs(found[:, :, [0, 200]]).max() < 0.03 * 0.3 * 0.1
 
 
+@pytest.mark.parametrize("binned", [2, 6])
+def test_an_edge_errs_as_much_in_wider_pixels(binned: int) -> None:
+    """Over its width: a pixel of .75 of the blur makes no other edge of it."""
+    errors, edge = replace(NONE, edge=0.03), slice(60, 140)
+
+    def over_the_edge(wide: int) -> float:
+        image = band_in_focus()[:, :396]
+        pixels = image.reshape(SHAPE[0] // wide, wide, 396 // wide, wide)
+        found = [
+            replace(errors, seed=k).of(pixels.mean((1, 3)), BLUR_PX / wide, SETTING)
+            for k in range(DRAWS)
+        ]
+        rms = np.sqrt((np.array(found) ** 2).mean(axis=(0, 1)))
+        return float(rms[edge.start // wide : edge.stop // wide].sum() * wide)
+
+    assert over_the_edge(binned) == pytest.approx(over_the_edge(1), rel=0.2)
+
+
 def test_an_edge_faces_and_pixels_err_by_their_shares() -> None:
     image, error = band_in_focus(), 5 / math.sqrt(2 * DRAWS)
     flat = draws(replace(NONE, flat=0.01), image)[:, 60, [0, 200]].std(axis=0)
