@@ -1,4 +1,4 @@
-"""A part in pictures of its twin: right ones, and windows without it."""
+"""A part in pictures of its twin: right ones, and windows with something else."""
 
 from __future__ import annotations
 
@@ -9,72 +9,58 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from ezdxf.filemanagement import new
 from skimage.io import imsave
 
 from benchmarks.truth.examples import GEAR
-from microplan.arrays import FloatArray
-from validation.twins.camera import Camera, Scene, picture
-from validation.twins.raster import Grid, Lens, Pose
+from validation.twins.camera import Camera, dusted, exposed, graded
+from validation.twins.optics import Optics, image
+from validation.twins.scenes import Body, Scene, Shape, placed, write_dxf
+from validation.twins.series import Pose
 
 ZOOM = 20.0
-NEAR = "146px,120px,10"  # where the part is about, and its angle
-RADIUS_UM, FLAT_UM = 30.0, 20.0  # a disc whose side is cut
-_GRID = Grid(rows=240, columns=320, um_per_px=7.5 / ZOOM)
-_LENS = Lens(aperture=0.42, wavelength_um=0.6)
-_CAMERA = Camera()
+SIZE, UM_PER_PX = (240, 320), 7.5 / ZOOM
+NEAR = "159px,120px,10"  # where the part is about, and its angle
 _ANGLE_RAD = math.radians(10.0)
 _SPREAD_UM, _SPREAD_RAD = 0.6, 0.01
-# The machine-vision camera whose noise falls with the light: level, counts of noise.
-_FALLING = ((0.0, 5.0), (90.0, 4.2), (149.0, 3.2), (207.0, 2.1), (237.0, 1.3))
-
-
-def disc(radius_um: float = RADIUS_UM, flat_um: float = FLAT_UM) -> FloatArray:
-    """Return a disc cut at x = `flat_um`, (N, 2)."""
-    corner = math.acos(flat_um / radius_um) if flat_um < radius_um else 0.0
-    angle = np.linspace(corner, 2 * math.pi - corner, 1440, endpoint=corner > 0)
-    return radius_um * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+_PART, _GROUND = 0.8, 0.1  # reflectances
+# The machine-vision camera whose noise falls with the light: level, variance.
+_FALLING = ((0.0, 25.0), (90.0, 17.6), (149.0, 10.2), (207.0, 4.4), (237.0, 1.7))
+_EVEN = ((0.0, 2.25), (255.0, 2.25))
+_LENS = Optics(aperture=0.42, wavelength_um=0.6)
+_CAMERA = Camera(gain=1.05, noise_table=_EVEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """How pictures are taken, as the workcell does not state it."""
 
-    scene: Scene
+    lens: Optics = _LENS
     camera: Camera = _CAMERA
-    lens: Lens = _LENS
+    specks: int = 0  # of dust
+    gradient: float = 0.0  # of light across the picture
 
 
-_PART = Scene(rings=[disc()])
-USUAL = Condition(
-    scene=replace(_PART, dust=15, halo=(0.06, 2.5)),
-    camera=Camera(gamma=0.7, black=-20.0, noise=_FALLING),
-    lens=replace(_LENS, defocus_um=0.7, waves={"spherical": 0.04, "coma": 0.03}),
+TOGETHER = Condition(
+    lens=replace(_LENS, focus_um=-0.7, zernike={11: 0.04, 8: 0.03}, halo=(1.0, 0.06)),
+    camera=replace(_CAMERA, gamma=0.7, black=-20.0, noise_table=_FALLING),
+    specks=15,
 )
 CONDITIONS: Mapping[str, Condition] = {
-    "as stated": Condition(scene=_PART),
-    "gamma .6": Condition(scene=_PART, camera=Camera(gamma=0.6)),
-    "gamma 1.5": Condition(scene=_PART, camera=Camera(gamma=1.5)),
-    "black -30": Condition(scene=_PART, camera=Camera(black=-30.0)),
-    "halo": Condition(scene=replace(_PART, halo=(0.1, 2.5))),
-    "dust": Condition(scene=replace(_PART, dust=40)),
-    "gradient": Condition(scene=replace(_PART, gradient=0.3)),
-    "spherical": Condition(scene=_PART, lens=replace(_LENS, waves={"spherical": 0.08})),
-    "defocus": Condition(scene=_PART, lens=replace(_LENS, defocus_um=1.5)),
-    "all together": USUAL,
-}
-WRONG: Mapping[str, FloatArray | None] = {
-    "5 % larger": disc(1.05 * RADIUS_UM, 1.05 * FLAT_UM),
-    "5 % smaller": disc(0.95 * RADIUS_UM, 0.95 * FLAT_UM),
-    "no flat": disc(RADIUS_UM, RADIUS_UM),
-    "flat 5 um off": disc(RADIUS_UM, FLAT_UM + 5),
-    "square": np.array([(-30.0, -30.0), (20.0, -30.0), (20.0, 30.0), (-30.0, 30.0)]),
-    "nothing": None,
+    "as stated": Condition(),
+    "gamma .6": Condition(camera=replace(_CAMERA, gamma=0.6)),
+    "gamma 1.5": Condition(camera=replace(_CAMERA, gamma=1.5)),
+    "black -30": Condition(camera=replace(_CAMERA, black=-30.0)),
+    "halo": Condition(lens=replace(_LENS, halo=(1.0, 0.1))),
+    "dust": Condition(specks=40),
+    "gradient": Condition(gradient=0.3),
+    "spherical": Condition(lens=replace(_LENS, zernike={11: 0.08})),
+    "defocus": Condition(lens=replace(_LENS, focus_um=-1.5)),
+    "all together": TOGETHER,
 }
 
 
-def write_task(folder: Path) -> tuple[Path, Path]:
-    """Write the part's drawing and a workcell of its camera; return both."""
+def write_part(folder: Path, shape: Shape) -> tuple[Path, Path]:
+    """Write a part's drawing and a workcell of the pictures' camera; return both."""
     example = GEAR.file.parent
     shutil.copytree(example / "parts", folder / "parts")
     text = (example / "workcell.yaml").read_text(encoding="utf-8")
@@ -83,38 +69,34 @@ def write_task(folder: Path) -> tuple[Path, Path]:
     )
     cell = folder / "workcell.yaml"
     cell.write_text(small, encoding="utf-8")
-    document = new()
-    document.header["$INSUNITS"] = 13  # um
-    corner = math.degrees(math.acos(FLAT_UM / RADIUS_UM))
-    space, layer = document.modelspace(), {"layer": "DISC"}
-    space.add_arc((0, 0), RADIUS_UM, corner, -corner, dxfattribs=layer)
-    y = math.sqrt(RADIUS_UM**2 - FLAT_UM**2)
-    space.add_line((FLAT_UM, -y), (FLAT_UM, y), dxfattribs=layer)
-    drawing = folder / "disc.dxf"
-    document.saveas(drawing)
+    drawing = folder / "part.dxf"
+    write_dxf(shape, drawing, "PART")
     return drawing, cell
 
 
-def pictures(
-    folder: Path, condition: Condition, count: int
-) -> Iterator[tuple[Path, tuple[float, float]]]:
-    """Write pictures of a condition; yield each with where the part's box is, um."""
-    folder.mkdir()
+def write_pictures(
+    folder: Path, shape: Shape | None, condition: Condition, count: int
+) -> Iterator[tuple[Path, Pose]]:
+    """Write pictures of a shape, or of none; yield each with its pose."""
+    folder.mkdir(parents=True)
     for number in range(count):
         rng = np.random.default_rng([number, 7])
         x, y = rng.normal(0, _SPREAD_UM, 2)
-        turn = _ANGLE_RAD + rng.normal(0, _SPREAD_RAD)
-        pose = Pose(x_um=x, y_um=y, theta_rad=turn)
-        seen = picture(
-            condition.scene, pose, condition.lens, condition.camera, _GRID, rng
-        )
+        pose = Pose(
+            x_um=float(x), y_um=float(y),
+            theta_rad=_ANGLE_RAD + float(rng.normal(0, _SPREAD_RAD)),
+        )  # fmt: skip
+        light = image(_scene(shape, pose), condition.lens, SIZE, UM_PER_PX)
+        light = graded(dusted(light, condition.specks, rng), condition.gradient)
         file = folder / f"{number:03}.png"
-        imsave(str(file), seen.astype(np.uint8), check_contrast=False)
-        middle = (FLAT_UM - RADIUS_UM) / 2
-        yield file, (x + middle * math.cos(turn), y + middle * math.sin(turn))
+        counts = exposed(light, condition.camera, rng).astype(np.uint8)
+        imsave(str(file), counts, check_contrast=False)
+        yield file, pose
 
 
-def wrong(shape: FloatArray | None) -> Condition:
-    """Return the usual condition with another part, or none, in the part's place."""
-    rings = [] if shape is None else [shape]
-    return replace(USUAL, scene=replace(USUAL.scene, rings=rings))
+def _scene(shape: Shape | None, pose: Pose) -> Scene:
+    """Return a shape at a pose on dark ground."""
+    if shape is None:
+        return Scene(bodies=(), background=_GROUND)
+    lies = placed(shape, pose.x_um, pose.y_um, pose.theta_rad)
+    return Scene(bodies=(Body(shape=lies, reflectance=_PART),), background=_GROUND)

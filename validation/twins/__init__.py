@@ -1,6 +1,5 @@
-"""Microscope pictures of flat parts with known truth, from first principles.
+"""Twins: microscope pictures whose truth is known, made from first principles.
 
-In: outlines as polygons (x, y) um, a pose, lens and camera in the user's words.
-Out: counts as a camera gives them.
-Nothing of `microplan` is imported: own raster, own pupil, own camera.
+`scenes` says what lies there, `optics` images it, `camera` counts it, `series` makes
+frames of it. Lengths are um, angles rad, counter-clockwise; y is up.
 """
