@@ -32,8 +32,8 @@ CODE = "MP903"
 _NO_FILE = "--part"  # name of a task file that there is not
 STEP = "look"  # id of the task's only step
 PART = "part"
-# Reflectances of a bright face and a dark one: most routines take gain and offset from
-# the picture, the likelihood fit its gain alone.
+# Reflectances of a bright face and a dark one: routines take gain and offset from the
+# picture, the likelihood fit the offset where its gain alone does not explain it.
 _BRIGHT, _DARK = 0.8, 0.1
 _NEAR_PX = 4.0  # standard deviation per axis of a place that a user reads off a picture
 _NEAR_DEG = 2.0  # and of an angle
@@ -177,6 +177,7 @@ def _data(call: PartCall, units: str, layers: Sequence[str]) -> dict[str, Any]:
         drawing["cell"] = call.cell
     part: dict[str, Any] = {
         "drawing": drawing,
+        "separate": True,
         "thickness_um": call.height_um or 0.0,
         "reflectance": _DARK if call.polarity == "dark" else _BRIGHT,
         "origin": "outline",

@@ -41,7 +41,8 @@ def read_parts(task: Checked, report: Report) -> dict[str, Part]:
         if drawing is None:
             continue
         layers = names[name]["drawing"]["layers"]
-        taken = take(drawing, layers, report)
+        apart = names[name].get("separate", False)
+        taken = take(drawing, layers, report, apart=apart)
         if taken is not None:
             part = _part(task, name, drawing, taken, report)
             if part is not None:

@@ -16,16 +16,20 @@ from microplan.schemas.files import json_schema
 
 # what a key of a step may name
 _STEP_KINDS = {
-    "locate": {"target": "part feature post tool"},
+    "locate": {"target": "part pattern feature post tool"},
     "align": {
-        "target": "part feature post tool grip", "to": "part feature post tool grip",
+        "target": "part pattern feature post tool grip",
+        "to": "part pattern feature post tool grip",
     },
     "grasp": {"target": "part", "with": "tool"},
     "insert": {"target": "part feature", "onto": "post feature"},
     "release": {"target": "part"},
-    "verify": {"target": "part feature", "on": "part post feature", "empty": "tool"},
+    "verify": {
+        "target": "part feature", "on": "part pattern post feature", "empty": "tool",
+    },
 }  # fmt: skip
 _INNER = ("features", "posts", "marks")  # what has names within a part
+_STARTING = ("part", "pattern", "tool")  # a pattern: a part of separate outlines
 _MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part"}
 
 
@@ -73,7 +77,8 @@ def _names(task: Checked, cell: Checked | None, clashes: Iterable[str]) -> Names
     kinds: dict[str, str] = {}
     refused = set(clashes)
     for part, raw in task.source.mapping("parts").items():
-        kinds[part] = "part"
+        is_one = not (isinstance(raw, Mapping) and raw.get("separate") is True)
+        kinds[part] = "part" if is_one else "pattern"
         kinds[f"{part}.outline"] = "feature"
         kinds.update({f"{part}.{n}": "feature" for n in _mapping(raw, "features")})
         kinds.update({f"{part}.{n}": "mark" for n in _mapping(raw, "marks")})
@@ -190,12 +195,13 @@ def _check_starts(
             continue
         at, kind = task.source.key("start", name), names.kinds.get(name)
         wanted = "part" if raw["on"] == "stage" else "tool"
+        fits = (wanted, "pattern") if wanted == "part" else (wanted,)
         if kind is None and (wanted == "part" or names.whole):
-            near = [known for known, k in names.kinds.items() if k == wanted]
+            near = [known for known, k in names.kinds.items() if k in fits]
             hint = names.like(name, near)
             message = f"no {wanted} is called '{name}'"
             lost.append(_Lost(name=name, at=at, message=message, hint=hint))
-        elif kind not in (None, wanted):
+        elif kind not in (None, *fits):
             message = f"'{name}' is a {kind}, on the {raw['on']} stands a {wanted}"
             report.error("MP112", at, message)
     reported = set(starts)
@@ -204,7 +210,7 @@ def _check_starts(
         if where[0] == "parts" or not isinstance(name, str) or not task.good(*where):
             continue
         owner = name.partition(".")[0]
-        if owner not in reported and names.kinds.get(owner) in ("part", "tool"):
+        if owner not in reported and names.kinds.get(owner) in _STARTING:
             reported.add(owner)  # once is enough
             message = f"'{owner}' is used here and has no entry in start"
             report.error("MP115", task.source.value(*where), message, f"add {owner}")
