@@ -237,8 +237,9 @@ def _at_mark(
     if best > 0:
         start = replace(found.pose, turn_rad=float(turns[best]))
         other = fit_pose(job, start)
-        if isinstance(other, PoseFit) and other.quality.left < found.quality.left:
-            found = other
+        if isinstance(other, PoseFit):
+            other = _veiled(job, other, fit_pose)
+            found = other if other.quality.left < found.quality.left else found
             turns = equal_turns(found.pose.turn_rad, job.symmetry)
             seen = marks(job, found, turns, cells)
     alone = len(other_turns(found.pose.turn_rad, job.symmetry, range_rad)) == 0

@@ -26,7 +26,7 @@ _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 def shortened(
     job: ImageComparison, pose: ImagePose, move: FloatArray, depths: float
 ) -> float:
-    """Return what a step is cut to: farther, the slopes no longer hold."""
+    """Return the share of a step (P + L,), px, rad, um, that slopes hold for, 0..1."""
     far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
     most = depths * job.looks.step_um
     if job.squared:
@@ -35,7 +35,7 @@ def shortened(
 
 
 def pose_after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose:
-    """Return the pose after a step; focus stays where planes are."""
+    """Return the pose after a step (P + L,), px, rad, um, within the planes' focus."""
     farthest = max(abs(view.dz_um) for view in job.views)
     reach, z_um = job.looks.reach_um - farthest, job.focus(pose) + float(move[3])
     if job.squared:

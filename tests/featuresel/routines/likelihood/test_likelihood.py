@@ -85,6 +85,19 @@ def test_a_wrong_tooth_is_mended(teeth: float) -> None:
     assert off("find_gear", drawn, found)[1] < TURN_RAD
 
 
+def test_a_wrong_tooth_is_mended_in_levels_that_nobody_stated() -> None:
+    rng = np.random.default_rng(33)
+    drawn = draw("find_gear", rng)
+    theta = case("find_gear").theta_rad + drawn.theta_rad + 4 * math.tau / TEETH
+    guess = replace(around("find_gear", drawn, 0.3, 1.0), theta_rad=theta)
+    light = np.maximum(drawn.render(render("find_gear")), 0.0)
+    image = noisy(case("find_gear"), 1.1 * light**1.5 - 0.05, rng)
+    found = measure("find_gear", image, guess)
+    place, turn = off("find_gear", drawn, found)
+    assert place < PLACE_PX
+    assert turn < TURN_RAD
+
+
 @pytest.mark.parametrize("z_um", [-9.0, 9.0])
 def test_what_stands_in_front_tells_the_side_of_focus(z_um: float) -> None:
     # the gear alone looks the same on both sides, the fingers 130 um above do not
