@@ -80,14 +80,11 @@ def measure(
     if len(marked) == 0 or guess.z_um is not None:
         found = _freed(job, start)
     else:
-        found = fit_pose(job.held, start)
+        found = _fitted(job.held, start)
         if isinstance(found, PoseFit):
-            found = _veiled(job.held, found, fit_pose)
             found = _at_mark(job.held, found, marked, p["range_rad"])
         if isinstance(found, PoseFit) and job.front is not None:
-            found = fit_pose(job, found.pose)  # at a wrong turn it would mend that
-            if isinstance(found, PoseFit):
-                found = _veiled(job, found, fit_pose)
+            found = _fitted(job, found.pose)  # at a wrong turn it would mend that
     return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
@@ -169,7 +166,7 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     if isinstance(found, PoseFit):
         return _veiled(job, _righted(job, found), fit_pose)
     if job.front is None:
-        return found
+        return _instead(job, found, start)
     near = fit_pose(job.held, start)
     return near if isinstance(near, Failure) else fit_pose(job, near.pose)
 
@@ -223,6 +220,22 @@ def _veiled(
     return found
 
 
+def _fitted(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
+    """Return the fit from a start, with a veil if it needs one."""
+    found = fit_pose(job, start)
+    if isinstance(found, Failure):
+        return _instead(job, found, start)
+    return _veiled(job, found, fit_pose)
+
+
+def _instead(
+    job: ImageComparison, failure: Failure, start: ImagePose
+) -> PoseFit | Failure:
+    """Return the fit with a veil where the plain one failed, else how that failed."""
+    other = fit_pose(job.veiled, start)
+    return failure if isinstance(other, Failure) else other
+
+
 def _at_mark(
     job: ImageComparison, found: PoseFit, cells: IntArray, range_rad: float
 ) -> PoseFit | Failure:
@@ -236,9 +249,8 @@ def _at_mark(
     best = int(np.argmax(seen.share))
     if best > 0:
         start = replace(found.pose, turn_rad=float(turns[best]))
-        other = fit_pose(job, start)
+        other = _fitted(job, start)
         if isinstance(other, PoseFit):
-            other = _veiled(job, other, fit_pose)
             found = other if other.quality.left < found.quality.left else found
             turns = equal_turns(found.pose.turn_rad, job.symmetry)
             seen = marks(job, found, turns, cells)
