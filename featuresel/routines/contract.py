@@ -102,8 +102,8 @@ class Measurement:
     axis_rad: float | None = None  # the one direction in which the position is known
 
 
-# Zoom errors stay below 2 %; what is farther off is another thing. Small targets are
-# found larger or smaller where an edge out of focus is.
+# Zoom errors stay below 2 %; what is farther off is another thing. Edges out of focus
+# are found beside their places by a pixel or so, which tells little of small targets.
 _SCALE_OFF, _MOST_SCALE_OFF = 0.03, 0.05
 _EDGE_PX = 1.5
 _ZOOM_SIGMAS = 3.0  # unless zoom errors that were stated are larger

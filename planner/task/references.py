@@ -30,7 +30,7 @@ _STEP_KINDS = {
 }  # fmt: skip
 _INNER = ("features", "posts", "marks")  # what has names within a part
 _STARTING = ("part", "pattern", "tool")  # a pattern: a part of separate outlines
-_MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part"}
+_MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part pattern"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,11 +63,11 @@ class Free:
         return np.array([*pose, *self.occluder_modes * (True,), *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights, (P + L,), per px^2 or rad^2, that hold a pose at nominal.
+        """Return the weights, (P + L,), that hold pose and light at nominal.
 
-        (P + L,); only so much that what cannot be seen stays nominal. Occluder modes
-        are drawn by their standard deviations: they are many, and images hardly
-        determine some of them.
+        One over variances, per px^2, rad^2 and so on; only so much that what cannot be
+        seen stays nominal. Occluder modes are drawn by their standard deviations: they
+        are many, and images hardly determine some of them.
         """
         weights, z = np.zeros(self.numbers + LIGHT), _LOOSE * self.z_sigma_um
         fronts = self.front_sigmas or (0.0, 0.0)
@@ -136,14 +136,14 @@ class ImageComparison:
         light: FloatArray,
         columns: IntArray,
         rows: IntArray,
-        gains: FloatArray,
+        amounts: FloatArray,
     ) -> FloatArray:
         """Return a target's light at (N,) pixels by (L,) numbers of light, 0..1."""
         if self.front is not None:
             front, through = self.front.plain(pose, columns, rows)
             light = front + through * light
         light = _lit(light, _place(self, columns, rows))
-        shown: FloatArray = np.tensordot(gains, light, axes=1)
+        shown: FloatArray = np.tensordot(amounts, light, axes=1)
         return shown
 
     def focus(self, pose: ImagePose) -> float:

@@ -62,12 +62,12 @@ def quality(residual: FloatArray, clear: BoolArray, slopes: FloatArray) -> FitQu
     """
     if not clear.any():
         return FitQuality(chi2=np.inf, used=0.0, left=np.inf)
-    told, tells = residual[clear], (slopes**2).sum(axis=0)
+    told, tells = residual[clear], (slopes[:, clear] ** 2).sum(axis=0)
     ratio = told / (_CUT * usual_size(told))
     weight = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
     chi2 = float(weight @ told**2 / weight.sum() / _SQUARE)
     return FitQuality(
         chi2=chi2,
-        used=float(tells[clear][weight > 0].sum() / max(tells.sum(), 1e-300)),
+        used=float(tells[weight > 0].sum() / max(tells.sum(), 1e-300)),
         left=float(np.minimum(told**2, REJECT**2).mean()),
     )

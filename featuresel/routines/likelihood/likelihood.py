@@ -14,7 +14,7 @@ that: after a step of more than a tenth of a pixel another follows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -130,9 +130,7 @@ def measure_step(
         return Failure("not_captured", f"a step of {moved:.2f} px")
     if moved > _AGAIN_PX:
         found = step_once(job, found.pose)
-    if isinstance(found, Failure):
-        return found
-    return answer(_veiled(job, found, step_once), p, guess)
+    return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
 def step_cost(artifact: Artifact, _pixels: int) -> float:
@@ -164,11 +162,13 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """
     found = fit_pose(job, surfaces_first(job, start))
     if isinstance(found, PoseFit):
-        return _veiled(job, _righted(job, found), fit_pose)
+        found = _righted(job, found)
+        veiled = _veiled(job, found)
+        return found if veiled is found else _righted(job.veiled, veiled)
     if job.front is None:
         return _instead(job, found, start)
-    near = fit_pose(job.held, start)
-    return near if isinstance(near, Failure) else fit_pose(job, near.pose)
+    near = _fitted(job.held, start)
+    return near if isinstance(near, Failure) else _fitted(job, near.pose)
 
 
 def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
@@ -192,11 +192,7 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
     return other if other.quality.left < found.quality.left - noise else found
 
 
-def _veiled(
-    job: ImageComparison,
-    found: PoseFit,
-    fit: Callable[[ImageComparison, ImagePose], PoseFit | Failure],
-) -> PoseFit:
+def _veiled(job: ImageComparison, found: PoseFit) -> PoseFit:
     """Return a fit that noise explains, else a better one with a veil, if any.
 
     A veil: light all over and a bent response. Black levels and responses that nobody
@@ -204,18 +200,17 @@ def _veiled(
     focus a third of what images tell of it. Without it the fit may have ended far out
     of focus: then the veiled one starts anew.
     """
-    noise = math.sqrt(2 / found.pixels)
-    if found.quality.score >= 1 - _DOUBTFUL * noise:
+    noise, plain, veiled = math.sqrt(2 / found.pixels), found.quality, job.veiled
+    if plain.left <= 1 + _DOUBTFUL * noise:
         return found
-    veiled = job.veiled
     for again in (False, True):
         start = found.pose
         if again:
             start = refocused(veiled, replace(start, zoom=1.0))
-        other = fit(veiled, start)
-        if isinstance(other, Failure):
+        other = fit_pose(veiled, start)
+        if isinstance(other, Failure) or other.quality.left > plain.left - noise:
             continue
-        if other.quality.score > found.quality.score + noise:
+        if other.quality.score >= plain.score:  # else it fits dust
             return other
     return found
 
@@ -225,7 +220,7 @@ def _fitted(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     found = fit_pose(job, start)
     if isinstance(found, Failure):
         return _instead(job, found, start)
-    return _veiled(job, found, fit_pose)
+    return _veiled(job, found)
 
 
 def _instead(
@@ -267,14 +262,14 @@ def answer(
 ) -> Measurement | Failure:
     """Return the measurement, or why the fit cannot be believed."""
     pose, how = found.pose, found.quality
-    if found.light[0] < _DIMMEST:
-        return Failure("too_dim", f"{found.light[0]:.2g} of the nominal light")
+    if found.gain < _DIMMEST:
+        return Failure("too_dim", f"{found.gain:.2g} of the nominal light")
     if how.chi2 > _WORST_CHI2 or how.used < _LEAST_USED:
         return Failure(
             "misfit",
             f"chi squared {how.chi2:.1f} a pixel, {how.used:.0%} of the edges fit",
         )
-    if abs(pose.zoom - 1) > p["scale_off"]:
+    if abs(pose.zoom - 1) > p.get("scale_off", math.inf):  # inf: of an older plan
         return Failure("scale_off", f"{pose.zoom:.3f} times the size")
     moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
     if moved > _FAR_PX:

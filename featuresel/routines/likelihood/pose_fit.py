@@ -55,6 +55,11 @@ class PoseFit:
     pixels: int
 
     @property
+    def gain(self) -> float:
+        """Return the light, from black to full scale, over the nominal one."""
+        return float(self.light[0] + self.light[4])
+
+    @property
     def z_um(self) -> float:
         """Return the focus, with the sign that the occluder has, if any."""
         pose = self.pose
@@ -238,7 +243,9 @@ def _linear(
     )
     if light is None:
         light = fitted_light(seen.value, seen.target, job.free)
-    if not (np.isfinite(light).all() and light[0] > 0):
+    ends = seen.target[0].min(), seen.target[0].max()
+    steepness = light[0] + 2 * light[4] * np.array(ends)
+    if not (np.isfinite(light).all() and (steepness > 0).all()):  # brighter is brighter
         return Failure("no_contrast", "no light fits the image")
     mean = light @ seen.target
     variance = job.camera.variance(mean)

@@ -40,5 +40,8 @@ def test_dust_beside_the_edge_costs_nothing() -> None:
 def test_what_is_cut_off_tells_nothing() -> None:
     residual, clear, slopes = pixels()
     clear[: EDGE // 2] = False
+    assert quality(residual, clear, slopes).used == 1.0
+    residual[EDGE // 2 : 3 * EDGE // 4] = 40.0
     assert 0.3 < quality(residual, clear, slopes).used < 0.7
-    assert quality(residual, ~clear | clear, 0 * slopes).used == 0.0
+    assert quality(residual, clear, 0 * slopes).used == 0.0
+    assert quality(residual, 0 * clear > 0, slopes).used == 0.0

@@ -111,6 +111,40 @@ def test_what_stands_in_front_tells_the_side_of_focus(z_um: float) -> None:
         assert found.z_um == pytest.approx(z_um, abs=0.2)
 
 
+@pytest.mark.parametrize("z_um", [4.0, -6.0, 8.0])
+def test_a_bent_response_does_not_turn_the_side_of_focus(z_um: float) -> None:
+    rng = np.random.default_rng(39)
+    drawn = draw("between", rng, z_um=z_um)
+    light = np.maximum(drawn.render(render("between")), 0.0) ** 0.6
+    guess = replace(around("between", drawn, 0.3, 1.0), z_um=z_um)
+    found = measure("between", noisy(case("between"), light, rng), guess)
+    assert max(off("between", drawn, found)) < PLACE_PX
+    assert isinstance(found, Measurement)
+    assert found.z_um == pytest.approx(z_um, abs=0.5)
+
+
+@pytest.mark.parametrize("bend", [(0.5, 0.05, -0.6), (0.2, 0.5, -0.6), (0.1, 2, -2)])
+def test_light_that_falls_where_more_is_expected_is_another_thing(
+    bend: tuple[float, float, float],
+) -> None:
+    rng = np.random.default_rng(40)
+    drawn = draw("find_gear", rng)
+    light = drawn.render(render("find_gear"))
+    odd = bend[0] + bend[1] * light + bend[2] * light**2
+    image = noisy(case("find_gear"), odd, rng)
+    found = measure("find_gear", image, around("find_gear", drawn, 0.3, 1.0))
+    assert isinstance(found, Failure) or found.score < 0.1
+
+
+def test_an_overexposed_target_is_found_by_the_edges_that_are_left() -> None:
+    rng = np.random.default_rng(41)
+    drawn = draw("find_gear", rng)
+    bright = 1.9 * drawn.render(render("find_gear"))
+    image = noisy(case("find_gear"), np.minimum(bright, 1.0), rng)
+    found = measure("find_gear", image, around("find_gear", drawn, 0.3, 1.0))
+    assert max(off("find_gear", drawn, found)) < PLACE_PX
+
+
 def without_notch(_drawn: Drawn) -> NominalRender:
     shown = case("find_gear")
     plain = replace(shown.moving[0], outline=gear(notch=False))
