@@ -22,8 +22,14 @@ class TwinPart:
     wrong: Mapping[str, Shape | None]  # None: nothing
 
 
-def _scaled(shape: Shape, by: float) -> Shape:
-    return affinity.scale(shape, by, by, origin=(0, 0))
+def _of_any(part: Shape) -> Mapping[str, Shape | None]:
+    """Return what may lie in the place of any part."""
+    larger, smaller = (affinity.scale(part, s, s, origin=(0, 0)) for s in (1.05, 0.95))
+    outside = affinity.translate(part, -60, 0)
+    return {
+        "5 % larger": larger, "5 % smaller": smaller, "half outside": outside,
+        "nothing": None,
+    }  # fmt: skip
 
 
 def _cut_disc(radius_um: float, flat_um: float) -> Shape:
@@ -60,53 +66,41 @@ PARTS: Mapping[str, TwinPart] = {
     "dots": TwinPart(
         shape=_DOTS,
         wrong={
-            "5 % larger": _scaled(_DOTS, 1.05),
-            "5 % smaller": _scaled(_DOTS, 0.95),
+            **_of_any(_DOTS),
             "dots 20 % larger": _dots(1.2 * DOT_UM, PERIOD_UM),
             "period 5 % larger": _dots(DOT_UM, 1.05 * PERIOD_UM),
             "a dot missing": _dots(DOT_UM, PERIOD_UM, missing=2),
             "a period on": affinity.translate(_DOTS, PERIOD_UM, 0),
-            "half outside": affinity.translate(_DOTS, -60, 0),
-            "nothing": None,
         },
     ),
     "disc": TwinPart(
         shape=_DISC,
         wrong={
-            "5 % larger": _scaled(_DISC, 1.05),
-            "5 % smaller": _scaled(_DISC, 0.95),
+            **_of_any(_DISC),
             "no flat": _cut_disc(RADIUS_UM, RADIUS_UM),
             "flat 5 um off": _cut_disc(RADIUS_UM, FLAT_UM + 5),
             "mirrored": affinity.scale(_DISC, -1, 1, origin=(0, 0)),
-            "half outside": affinity.translate(_DISC, -60, 0),
             "square": box(-25.0, -30.0, 25.0, 30.0),
-            "nothing": None,
         },
     ),
     "square": TwinPart(
         shape=_SQUARE,
         wrong={
-            "5 % larger": _scaled(_SQUARE, 1.05),
-            "5 % smaller": _scaled(_SQUARE, 0.95),
+            **_of_any(_SQUARE),
             "no notch": box(-22.0, -22.0, 22.0, 22.0),
             "notch of half the size": scenes.square_with_notch(44.0, 6.0),
             "mirrored": affinity.scale(_SQUARE, -1, 1, origin=(0, 0)),
-            "half outside": affinity.translate(_SQUARE, -60, 0),
             "disc": scenes.dot(24.0),
-            "nothing": None,
         },
     ),
     "gear": TwinPart(
         shape=_GEAR,
         wrong={
-            "5 % larger": _scaled(_GEAR, 1.05),
-            "5 % smaller": _scaled(_GEAR, 0.95),
+            **_of_any(_GEAR),
             "17 teeth": scenes.gear(28.0, 23.0, 10.0, teeth=17),
             "half a tooth on": affinity.rotate(_GEAR, 10.0, origin=(0, 0)),
             "teeth half as high": scenes.gear(25.5, 23.0, 10.0, teeth=18),
-            "half outside": affinity.translate(_GEAR, -60, 0),
             "disc": scenes.ring(25.5, 10.0),
-            "nothing": None,
         },
     ),
 }
