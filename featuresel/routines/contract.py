@@ -103,7 +103,7 @@ class Measurement:
 
 
 # Zoom errors stay below 2 %; what is farther off is another thing. Edges out of focus
-# are found beside their places by a pixel or so, which tells little of small targets.
+# are found beside their places, by a larger share of the size of a small target.
 _SCALE_OFF, _MOST_SCALE_OFF = 0.03, 0.05
 _EDGE_PX = 1.5
 _ZOOM_SIGMAS = 3.0  # unless zoom errors that were stated are larger

@@ -122,7 +122,7 @@ class ImageComparison:
 
     @property
     def veiled(self) -> ImageComparison:
-        """Return the job with light all over, or less than none, and a response."""
+        """Return the job with a veil: light all over, and a bent response."""
         return replace(self, free=replace(self.free, veiled=True))
 
     @property
