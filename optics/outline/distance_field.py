@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray, Point
 from microplan.optics.outline.cell_areas import cells
 from microplan.optics.outline.clip import EdgeArrays, to_edges
 from microplan.optics.outline.outline import Arc, Outline, place
@@ -133,13 +133,7 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     """
     if not outline.rings:
         return None
-    first = outline.rings[0].edges[0]
-    (x0, y0), toward = first.start, first.end
-    if isinstance(first, Arc):
-        toward = first.at(0.25)
-    turn = math.atan2(toward[1] - y0, toward[0] - x0)
-    c, s = math.cos(turn), math.sin(turn)
-    own = _key(place(place(outline, -x0, -y0), 0.0, 0.0, -turn))
+    (c, s), (x0, y0), own = _own(outline)
     half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
     dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
     u, v = c * dx + s * dy, c * dy - s * dx
@@ -149,6 +143,18 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     return DistanceField(
         turn=(c, s), origin_um=(x0, y0), corner_um=box[:2], grid=_kept(own, box)
     )
+
+
+@lru_cache(maxsize=64)
+def _own(outline: Outline) -> tuple[Point, Point, Key]:
+    """Return an outline's frame, as `DistanceField` has it, and its edges in it."""
+    first = outline.rings[0].edges[0]
+    (x0, y0), toward = first.start, first.end
+    if isinstance(first, Arc):
+        toward = first.at(0.25)
+    turn = math.atan2(toward[1] - y0, toward[0] - x0)
+    own = _key(place(place(outline, -x0, -y0), 0.0, 0.0, -turn))
+    return (math.cos(turn), math.sin(turn)), (x0, y0), own
 
 
 def _key(outline: Outline) -> Key:
