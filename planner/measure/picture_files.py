@@ -137,10 +137,21 @@ def _page(file: Path, name: str, page: Any, check: SizeCheck) -> PictureCounts:
     if kind not in ("MINISBLACK", "RGB"):
         hint = "save it as grey, black as 0, or as red, green and blue"
         raise PictureError(file, f"{name} has its brightness as {kind}", hint)
+    if page.compression.name == "LZW":  # which tifffile alone does not decode
+        return _grey(file, name, _by_pillow(file, page.index))
     pixels = page.asarray()
     if pixels.ndim == 3 and page.planarconfig.name == "SEPARATE":
         pixels = np.moveaxis(pixels, 0, -1)
     return _grey(file, name, pixels)
+
+
+def _by_pillow(file: Path, number: int) -> Any:
+    """Return a page's pixels, (rows, columns) or (rows, columns, colours)."""
+    from PIL import Image
+
+    with Image.open(file) as pages:
+        pages.seek(number)
+        return np.asarray(pages)
 
 
 def _check_size(file: Path, name: str, size: tuple[int, int], check: SizeCheck) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image
 
 from microplan.planner.measure.picture_files import (
     PictureCounts,
@@ -60,6 +61,26 @@ def test_each_page_is_a_picture_numbered_from_0(tmp_path: Path) -> None:
     pages = read(save(tmp_path / "a.tif", np.stack([GREY, GREY + 1])))
     assert [page.name for page in pages] == ["a.tif[0]", "a.tif[1]"]
     np.testing.assert_array_equal(pages[1].counts, GREY + 1.0)
+
+
+def test_pages_packed_by_lzw_are_read(tmp_path: Path) -> None:
+    file, pages = tmp_path / "packed.tif", np.arange(2 * 6 * 8).reshape(2, 6, 8) * 500
+    first, second = (Image.fromarray(page.astype(np.uint16)) for page in pages)
+    first.save(file, compression="tiff_lzw", save_all=True, append_images=[second])
+    found = read(file)
+    assert [each.file_bits for each in found] == [16, 16]
+    np.testing.assert_array_equal([each.counts for each in found], pages)
+
+
+def test_damage_to_a_packed_page_is_told(tmp_path: Path) -> None:
+    file, rng = tmp_path / "packed.tif", np.random.default_rng(3)
+    pixels = rng.integers(0, 255, (60, 80)).astype(np.uint8)
+    Image.fromarray(pixels).save(file, compression="tiff_lzw")
+    whole = file.read_bytes()
+    file.write_bytes(whole[:200] + 400 * b"\xff" + whole[600:])
+    (found,) = pages_of(file, any_size)
+    assert isinstance(found, PictureError)
+    assert "packed.tif cannot be read" in str(found)
 
 
 def test_files_of_a_folder_come_by_name_without_hidden_ones(tmp_path: Path) -> None:
