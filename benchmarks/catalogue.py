@@ -35,7 +35,7 @@ from benchmarks.optics import (
     shading,
     vectors,
 )
-from benchmarks.real import gates
+from benchmarks.real import gates, still_frames
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
@@ -55,6 +55,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     planted.BENCHMARK,
     replayed.BENCHMARK,
     gates.BENCHMARK,
+    still_frames.BENCHMARK,
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,

@@ -20,55 +20,59 @@ from validation.twins.series import Pose
 ZOOM = 20.0
 SIZE, UM_PER_PX = (240, 320), 7.5 / ZOOM
 NEAR = "159px,120px,10"  # where the part is about, and its angle
-_ANGLE_RAD = math.radians(10.0)
+ANGLE_RAD = math.radians(10.0)
 _SPREAD_UM, _SPREAD_RAD = 0.6, 0.01
-_PART, _GROUND = 0.8, 0.1  # reflectances
+PART, GROUND = 0.8, 0.1  # reflectances
 # The machine-vision camera whose noise falls with the light: level, variance.
-_FALLING = ((0.0, 25.0), (90.0, 17.6), (149.0, 10.2), (207.0, 4.4), (237.0, 1.7))
+FALLING = ((0.0, 25.0), (90.0, 17.6), (149.0, 10.2), (207.0, 4.4), (237.0, 1.7))
 _EVEN = ((0.0, 2.25), (255.0, 2.25))
-_LENS = Optics(aperture=0.42, wavelength_um=0.6)
-_CAMERA = Camera(gain=1.05, noise_table=_EVEN)
+LENS = Optics(aperture=0.42, wavelength_um=0.6)
+CAMERA = Camera(gain=1.05, noise_table=_EVEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """How pictures are taken, as the workcell does not state it."""
 
-    lens: Optics = _LENS
-    camera: Camera = _CAMERA
+    lens: Optics = LENS
+    camera: Camera = CAMERA
     specks: int = 0  # of dust
     gradient: float = 0.0  # of light across the picture
 
 
 TOGETHER = Condition(
-    lens=replace(_LENS, focus_um=-0.7, zernike={11: 0.04, 8: 0.03}, halo=(1.0, 0.06)),
-    camera=replace(_CAMERA, gamma=0.7, black=-20.0, noise_table=_FALLING),
+    lens=replace(LENS, focus_um=-0.7, zernike={11: 0.04, 8: 0.03}, halo=(1.0, 0.06)),
+    camera=replace(CAMERA, gamma=0.7, black=-20.0, noise_table=FALLING),
     specks=15,
 )
 CONDITIONS: Mapping[str, Condition] = {
     "as stated": Condition(),
-    "gamma .6": Condition(camera=replace(_CAMERA, gamma=0.6)),
-    "gamma 1.5": Condition(camera=replace(_CAMERA, gamma=1.5)),
-    "black -30": Condition(camera=replace(_CAMERA, black=-30.0)),
-    "halo": Condition(lens=replace(_LENS, halo=(1.0, 0.1))),
+    "gamma .6": Condition(camera=replace(CAMERA, gamma=0.6)),
+    "gamma 1.5": Condition(camera=replace(CAMERA, gamma=1.5)),
+    "black -30": Condition(camera=replace(CAMERA, black=-30.0)),
+    "halo": Condition(lens=replace(LENS, halo=(1.0, 0.1))),
     "dust": Condition(specks=40),
     "gradient": Condition(gradient=0.3),
-    "spherical": Condition(lens=replace(_LENS, zernike={11: 0.08})),
-    "defocus": Condition(lens=replace(_LENS, focus_um=-1.5)),
+    "spherical": Condition(lens=replace(LENS, zernike={11: 0.08})),
+    "defocus": Condition(lens=replace(LENS, focus_um=-1.5)),
     "all together": TOGETHER,
 }
 
 
-def write_part(folder: Path, shape: Shape) -> tuple[Path, Path]:
-    """Write a part's drawing and a workcell of the pictures' camera; return both."""
+def write_part(
+    folder: Path, shape: Shape, size: tuple[int, int] = SIZE
+) -> tuple[Path, Path]:
+    """Write a part's drawing and a workcell of a camera of (rows, columns) pixels."""
     example = GEAR.file.parent
     shutil.copytree(example / "parts", folder / "parts")
     text = (example / "workcell.yaml").read_text(encoding="utf-8")
-    small = text.replace(
-        "[4800, 3600], pixels: [640, 480]", "[2400, 1800], pixels: [320, 240]"
+    rows, columns = size
+    sensor_um = [7.5 * columns, 7.5 * rows]
+    own = text.replace(
+        "[4800, 3600], pixels: [640, 480]", f"{sensor_um}, pixels: [{columns}, {rows}]"
     )
     cell = folder / "workcell.yaml"
-    cell.write_text(small, encoding="utf-8")
+    cell.write_text(own, encoding="utf-8")
     drawing = folder / "part.dxf"
     write_dxf(shape, drawing, "PART")
     return drawing, cell
@@ -84,7 +88,7 @@ def write_pictures(
         x, y = rng.normal(0, _SPREAD_UM, 2)
         pose = Pose(
             x_um=float(x), y_um=float(y),
-            theta_rad=_ANGLE_RAD + float(rng.normal(0, _SPREAD_RAD)),
+            theta_rad=ANGLE_RAD + float(rng.normal(0, _SPREAD_RAD)),
         )  # fmt: skip
         light = image(_scene(shape, pose), condition.lens, SIZE, UM_PER_PX)
         light = graded(dusted(light, condition.specks, rng), condition.gradient)
@@ -97,6 +101,6 @@ def write_pictures(
 def _scene(shape: Shape | None, pose: Pose) -> Scene:
     """Return a shape at a pose on dark ground."""
     if shape is None:
-        return Scene(bodies=(), background=_GROUND)
+        return Scene(bodies=(), background=GROUND)
     lies = placed(shape, pose.x_um, pose.y_um, pose.theta_rad)
-    return Scene(bodies=(Body(shape=lies, reflectance=_PART),), background=_GROUND)
+    return Scene(bodies=(Body(shape=lies, reflectance=PART),), background=GROUND)
