@@ -13,6 +13,7 @@ from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
 from microplan.planner.source.source import Key, Source
 from microplan.planner.task.camera.check_camera import check_camera
+from microplan.planner.task.lens.check_wavefront import check_wavefront
 from microplan.planner.task.task import Part
 from microplan.planner.task.workcell import Workcell
 
@@ -149,6 +150,7 @@ def check_workcell(cell: Checked, report: Report) -> None:
     _check_intervals(cell, report)
     source = cell.source
     check_camera(cell, report)
+    check_wavefront(cell, report)
     if cell.good("optics"):
         _check_aperture(source, report)
         _check_scale(source, report)

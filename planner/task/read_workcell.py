@@ -16,6 +16,7 @@ from microplan.planner.task.camera.read_camera import read_camera
 from microplan.planner.task.check_workcell import check_fingers
 from microplan.planner.task.drawings import DrawingSheet, open_named, take
 from microplan.planner.task.finishes import interval, surface_finish
+from microplan.planner.task.lens.read_wavefront import read_wavefront
 from microplan.planner.task.light.read_light import read_coherence, read_light
 from microplan.planner.task.workcell import (
     DiscrepancyShares,
@@ -138,6 +139,7 @@ def _optics(raw: Mapping[str, Any], coherence: Coherence | None) -> Optics:
         zoom=from_data(Zoom, raw["zoom"]),
         focus=from_data(Focus, raw["focus"]),
         lens=_lens(raw, _held(apertures, float(low), float(high))),
+        wavefront=read_wavefront(raw),
     )
 
 

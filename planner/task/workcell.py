@@ -44,6 +44,23 @@ class Focus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ZernikeTerm:
+    """One aberration of the objective, Noll's index and normalisation."""
+
+    noll: int
+    waves: float  # rms over the pupil, with its sign
+    sigma_waves: float = 0.0  # what is not known of it, one standard deviation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WavefrontSpec:
+    """The objective's wavefront error: its terms, or all that is known of their sum."""
+
+    terms: tuple[ZernikeTerm, ...] | None = None  # None: not stated
+    rms_waves: float | None = None  # most of all terms together; None: not stated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Optics:
     """The microscope: zoom range, aperture by zoom, light and drives."""
 
@@ -55,6 +72,7 @@ class Optics:
     zoom: Zoom
     focus: Focus
     lens: LensErrors  # without the light's gradient and edge offsets
+    wavefront: WavefrontSpec = WavefrontSpec()
 
     def aperture(self, magnification: float) -> float:
         """Return the aperture at `magnification`, that of the nearest row beyond all.
