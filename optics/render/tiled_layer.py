@@ -32,6 +32,11 @@ from microplan.optics.render.spectrum import Spectrum, spectrum
 from microplan.optics.render.view_range import ROUNDING_PX, ImageView, Range
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import RadialTable, tabulate
+from microplan.optics.transfer.wavefront import (
+    disc_shift_um,
+    most_defocus_um,
+    transfer_change,
+)
 
 # Samples by which a tile must shrink before a correction is worth its time: an image of
 # its own gains from 50 000 (a wall) or 250 000 (a gear) on, one of a stack sooner.
@@ -83,8 +88,8 @@ class TiledLayer:
     def _coverage(
         self, view: ImageView, rows: FloatArray, columns: FloatArray
     ) -> Samples:
-        """Return the blurred layer at pixels; it is even in z."""
-        setting, last = (self._defocus_um(view), view.zoom), self.last
+        """Return the blurred layer at pixels; even in z but for a wavefront error."""
+        setting, last = (self._side_um(view), view.zoom), self.last
         ends = (*rows[[0, -1]].tolist(), *columns[[0, -1]].tolist())
         if last.coverage is not None and last.view == (*setting, *ends):
             return last.coverage
@@ -94,12 +99,35 @@ class TiledLayer:
         if self.far is not None:
             extra = self._correction(self.far, view, rows, columns)
         sampled = self._on_grid if view.zoom == 1 else self._at_places
-        last.coverage = sampled(last.gain, extra, rows, columns)
+        values, gain = self.values, last.gain
+        if view.microscope.wavefront:
+            values, gain = self._aberrated(view, gain), np.ones_like(gain)
+        last.coverage = sampled(values, gain, extra, rows, columns)
         last.view = (*setting, *ends)
         return last.coverage
 
+    def _aberrated(self, view: ImageView, gain: Samples) -> Coefficients:
+        """Return the spectrum through a lens with a wavefront error, pixels too.
+
+        Counted from where the lens shows the middle of a large disc in focus: what
+        moves everything alike a calibrated camera takes off.
+        """
+        found, (K, J) = weigh(self.values, gain), (size - 1 for size in gain.shape)
+        if self._defocus_um(view) > most_defocus_um(view.setting):
+            return found  # no edge that an answer hangs on
+        tile, up = self.spectrum.tile, np.r_[0 : K + 1, -K:0]
+        u, v = np.arange(J + 1) / tile.width_um, up[:, None] / tile.height_um
+        change = transfer_change(view.setting, self._side_um(view), u, v)
+        across, along = pixel_gain(view.setting, tile, (J, K))
+        change *= across * along[np.abs(up), None]
+        found += (self.values[up, : J + 1] * change).astype(found.dtype)
+        x_um, y_um = disc_shift_um(view.setting)
+        ramp = np.exp(2j * np.pi * (u * x_um + v * y_um))
+        return np.asarray(found * ramp.astype(found.dtype))
+
     def _at_places(
         self,
+        values: Coefficients,
         gain: Samples,
         extra: Factors | None,
         rows: FloatArray,
@@ -108,13 +136,14 @@ class TiledLayer:
         """Return samples at any points, wave by wave."""
         x, y = self.tile.columns, self.tile.rows
         up = (y.start + y.count - 1 - rows) / y.count
-        found = waves_at(weigh(self.values, gain), up, (columns - x.start) / x.count)
+        found = waves_at(weigh(values, gain), up, (columns - x.start) / x.count)
         if extra is not None:
             found += extra[0] @ extra[1]
         return found
 
     def _on_grid(
         self,
+        values: Coefficients,
         gain: Samples,
         extra: Factors | None,
         rows: FloatArray,
@@ -124,7 +153,7 @@ class TiledLayer:
         x, y = self.tile.columns, self.tile.rows
         r, c = round(rows[0]), round(columns[0])
         down, right = float(rows[0] - r), float(columns[0] - c)
-        values, (J, K) = self.values, self.spectrum.orders
+        J, K = values.shape[1] - 1, values.shape[0] // 2
         if abs(right) > ROUNDING_PX:
             ramp = np.exp(2j * np.pi * right / x.count * np.arange(J + 1))
             values = values * ramp.astype(values.dtype)
@@ -167,6 +196,12 @@ class TiledLayer:
 
     def _defocus_um(self, view: ImageView) -> float:
         return abs(self.layer.z_um - view.focus_um)
+
+    def _side_um(self, view: ImageView) -> float:
+        """Return the defocus, with its sign where images differ by it."""
+        if not view.microscope.wavefront:
+            return self._defocus_um(view)
+        return self.layer.z_um - view.focus_um
 
 
 def make_part(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+Terms = tuple[tuple[int, float], ...]  # Noll's index, waves rms over the pupil
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Microscope:
@@ -20,6 +22,8 @@ class Microscope:
     fill_factor: float = 1.0  # light-sensitive share of a pixel's area [1]
     # numerical aperture of a lamp below, beyond which rays are dark; None: all are lit
     lamp_aperture: float | None = None
+    # what the lens' wavefront lacks of a sphere; an image in focus is where it was
+    wavefront: Terms = ()
 
     def __post_init__(self) -> None:
         names = ("aperture", "wavelength_um", "medium_index", "magnification")
@@ -34,6 +38,8 @@ class Microscope:
             )
         if self.lamp_aperture is not None and not self.lamp_aperture > 0:
             raise ValueError(f"lamp_aperture must be > 0, got {self.lamp_aperture}")
+        if not all(math.isfinite(waves) for _, waves in self.wavefront):
+            raise ValueError(f"wavefront must be finite, got {self.wavefront}")
         if self.fill_factor > 1:
             raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
 

@@ -176,6 +176,7 @@ def tabulate(
         width_px=1,
         height_px=1,
         fill_factor=1.0,
+        wavefront=(),
     )
     return _tabulate(model, eyeless, z_um, x_max)
 
