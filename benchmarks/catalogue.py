@@ -35,7 +35,7 @@ from benchmarks.optics import (
     shading,
     vectors,
 )
-from benchmarks.real import gates, still_frames
+from benchmarks.real import gates, point_source, still_frames
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
@@ -56,6 +56,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     replayed.BENCHMARK,
     gates.BENCHMARK,
     still_frames.BENCHMARK,
+    point_source.BENCHMARK,
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,
