@@ -8,7 +8,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 
-LEAST, MOST = 1, 15  # Noll indices: to the fourth order of the radius
+LEAST, MOST = 1, 22  # Noll indices: to spherical aberration of the sixth order
 
 
 def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -17,7 +17,7 @@ def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
     Parameters
     ----------
     noll : int
-        1..15. Even ones go with the cosine of the angle from x, odd ones with its sine:
+        1..22. Even ones go with the cosine of the angle from x, odd ones with its sine:
         7 is coma along y, 8 along x, 11 spherical aberration.
     x, y : (...) float arrays
         Points over the disc's radius; beyond it the polynomial goes on.
@@ -25,6 +25,7 @@ def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
     Returns
     -------
     (...) float64 array
+        Waves for each wave rms.
 
     Raises
     ------

@@ -47,7 +47,7 @@ class StillScene:
         )
 
     def add(self, frame: FloatArray) -> None:
-        """Add the next frame, of the same shape.
+        """Add the next frame, (rows, columns) counts.
 
         Of two frames a, b whose light differs by a factor f the difference b - f a has
         (1 + f^2) times the variance of one. What is cut off tells no factor.

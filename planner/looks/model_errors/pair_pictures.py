@@ -139,7 +139,7 @@ def posed_image(
 ) -> FloatArray:
     """Return the noise-free image of a look in a trial, (rows, columns).
 
-    With the case's rays.
+    Shares of full scale, with the case's rays.
     """
     owner = case.target.name.partition(".")[0]
     turns = tuple(zip(case.spread.turning, trial.turns_rad, strict=False))
