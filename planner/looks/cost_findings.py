@@ -13,6 +13,7 @@ from microplan.planner.views.requests import Request
 from microplan.schemas import plan as p
 
 CODE = "MP503"
+_HINT = "state what the image is not sure of (walls, finish, light, wavefront)"
 
 
 def report_costs(
@@ -29,8 +30,7 @@ def report_costs(
             request.where,
             f"look {request.id!r}: images err by more than max_image_error, and what "
             f"that costs cannot be measured: {'; '.join(faults)}",
-            "state what the image is not sure of (walls, finish, light), or look at "
-            "another feature",
+            f"{_HINT}, or look at another feature",
         )
         return False
     for each in found:
@@ -43,7 +43,7 @@ def report_costs(
                 CODE,
                 request.where,
                 f"look {request.id!r}: {said}",
-                "state what the image is not sure of (walls, finish, light)",
+                _HINT,
             )
     words = cost_words(look.effects, look.model_cost)
     if words:

@@ -13,8 +13,16 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.coherence.unmodelled import FLAT_BAND, vectorial_otf
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Terms
 from microplan.optics.transfer.otf import diffraction
 from microplan.planner.assembly.assembly import Body
+from microplan.planner.looks.model_errors.wavefront_ends import (
+    UNKNOWN,
+    WAVEFRONT,
+    known_wavefront,
+    unknown_wavefronts,
+)
+from microplan.planner.task.workcell import WavefrontSpec
 from microplan.planner.views.light.unknown_walls import by_layer
 
 LAYERS, SHADE = "layers of different height", "shade of higher bodies"
@@ -47,13 +55,19 @@ class BetterModel:
     ends: tuple[ImageModel, ...]
     # each end at half of the poses; else both at all of them
     alternates: bool = False
+    # whether ends are components of one unknown that stays in the world: the opposite
+    # of each is as likely, and moves answers the other way
+    is_either_way: bool = False
     # whether trials draw what lies between the ends, so that it is in their errors
     is_drawn: bool = False
     against: LookCase | None = None  # what it is better than; None: the look as tried
 
 
 def better_models(
-    case: LookCase, effects: Collection[str], bodies: Sequence[Body]
+    case: LookCase,
+    effects: Collection[str],
+    bodies: Sequence[Body],
+    wavefront: WavefrontSpec,
 ) -> tuple[BetterModel, ...]:
     """Return the better models of effects; those that have none are in none of them.
 
@@ -65,6 +79,8 @@ def better_models(
         Rows of its ledger that are above their limits.
     bodies : sequence of Body
         All that is in the world, with what is known of walls and faces.
+    wavefront : WavefrontSpec
+        What is known of the objective.
     """
     rows: tuple[tuple[tuple[str, ...], Callable[[], BetterModel | None]], ...] = (
         ((LAYERS, SHADE), lambda: _traced(case, effects)),
@@ -73,6 +89,8 @@ def better_models(
         ((SPECTRUM,), lambda: _coloured(case)),
         ((WALLS,), lambda: _walls(case, bodies)),
         ((FINISH,), lambda: _finish(case, bodies)),
+        ((WAVEFRONT,), lambda: _aberrated(case, wavefront)),
+        ((UNKNOWN,), lambda: _unstated(case, wavefront)),
     )
     wanted = (make() for names, make in rows if any(n in effects for n in names))
     return tuple(found for found in wanted if found is not None)
@@ -162,6 +180,42 @@ def _coloured(case: LookCase) -> BetterModel:
         ends=(ImageModel(cases=cases),),
         against=flat(case),
     )
+
+
+def _aberrated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
+    """Return the look through the lens as it is stated."""
+    plain = _blended(case)
+    return BetterModel(
+        effects=(WAVEFRONT,),
+        by="a pupil with the terms stated",
+        ends=(_through(plain, known_wavefront(stated)),),
+        against=plain,
+    )
+
+
+def _unstated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
+    """Return the look with each term of coma and trefoil that may be there."""
+    plain = _blended(case)
+    known = replace(plain.microscope, wavefront=known_wavefront(stated))
+    return BetterModel(
+        effects=(UNKNOWN,),
+        by="a pupil with coma along x and y, and with trefoil",
+        ends=tuple(_through(plain, each) for each in unknown_wavefronts(stated)),
+        against=replace(plain, microscope=known),
+        is_either_way=True,
+    )
+
+
+def _through(case: LookCase, wavefront: Terms) -> ImageModel:
+    """Return a look through a lens with a wavefront error."""
+    scope = replace(case.microscope, wavefront=wavefront)
+    return ImageModel(cases=((1.0, replace(case, microscope=scope)),))
+
+
+def _blended(case: LookCase) -> LookCase:
+    """Return a look that is blended from layers: rays know no waves."""
+    plain = flat(case)
+    return replace(plain, treatment="joint") if case.treatment == "occluded" else plain
 
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:

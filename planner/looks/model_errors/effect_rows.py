@@ -18,6 +18,7 @@ from microplan.optics.outline.tolerant_order import above
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.model_errors.better_models import CHARGED, FINISH
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
+from microplan.planner.looks.model_errors.wavefront_ends import wavefront_rows
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
@@ -40,7 +41,8 @@ def effect_rows(
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
     found = tuple(p.EffectRow(**asdict(row)) for row in rows)
-    return (*found, finish_row(tried.fidelity.limit))
+    limit, stated = tried.fidelity.limit, task.workcell.optics.wavefront
+    return (*found, finish_row(limit), *wavefront_rows(stated, limit))
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:

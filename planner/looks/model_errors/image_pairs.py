@@ -37,6 +37,7 @@ class PairedAnswer:
     end: int  # which of its ends
     trial: int
     at_um: tuple[float, float, float]  # displacement of the target, and of the focus
+    angle_rad: float  # of the target's frame in the world
     # the better image's answer less the other's, target's frame; None: not both answer
     off_um: tuple[float, float] | None
     turn_rad: float | None  # None: no angle is measured
@@ -138,6 +139,7 @@ def _answer(
     return PairedAnswer(
         chain=before.chain, model=model, end=end, trial=trial.index,
         at_um=(trial.dx_um, trial.dy_um, trial.dz_um), off_um=off,
+        angle_rad=case.theta_rad + trial.dtheta_rad,
         turn_rad=turn, error_um=error, error_rad=error_rad,
         failure=failure, score=score, spread_um=spread_um,
         image_error=image_error,

@@ -22,6 +22,7 @@ from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.render.fidelity import Fidelity
 from microplan.optics.render.sampling import Sampling
 from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.model_errors.answer_shift import AnswerShift
 from microplan.planner.looks.model_errors.better_models import WALLS, BetterModel
 from microplan.planner.looks.model_errors.chain_differences import Differences
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
@@ -30,7 +31,6 @@ from microplan.planner.looks.model_errors.charging import (
     judged_member,
 )
 from microplan.planner.looks.model_errors.model_cost import (
-    AnswerShift,
     EffectDifference,
 )
 from tests.featuresel.conftest import post_alone

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from microplan.planner.looks.cost_findings import cost_words
+from microplan.planner.looks.model_errors.answer_shift import AnswerShift
 from microplan.planner.looks.model_errors.better_models import WALLS, BetterModel
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
 from microplan.planner.looks.model_errors.effect_rows import (
@@ -16,7 +17,6 @@ from microplan.planner.looks.model_errors.effect_rows import (
     with_costs,
 )
 from microplan.planner.looks.model_errors.model_cost import (
-    AnswerShift,
     EffectDifference,
     model_cost,
 )

@@ -9,15 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from microplan.planner.looks.model_errors.answer_shift import AnswerShift, difference
 from microplan.planner.looks.model_errors.better_models import BetterModel
 from microplan.planner.looks.model_errors.combined_costs import (
     of_either,
     together_cost,
 )
 from microplan.planner.looks.model_errors.model_cost import (
-    AnswerShift,
     EffectDifference,
-    difference,
     model_cost,
 )
 from microplan.planner.looks.model_errors.used_poses import LEAST

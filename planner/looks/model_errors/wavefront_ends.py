@@ -1,0 +1,103 @@
+"""Wavefront errors that an objective may have: known terms, unknown coma and trefoil.
+
+Of all terms these move what a look measures: coma moves any target, trefoil one whose
+edges do not look all ways alike, as tips of fingers. Astigmatism and spherical
+aberration of the same rms move answers of the examples' looks by less than a tenth of
+it, as both sides of a target do alike.
+"""
+
+from __future__ import annotations
+
+import math
+
+from scipy import special
+
+from microplan.optics.ledger import CONTRAST
+from microplan.optics.transfer.microscope import Terms
+from microplan.planner.task.workcell import WavefrontSpec
+from microplan.schemas.plan import EffectRow
+
+WAVEFRONT, UNKNOWN = "wavefront error", "unknown wavefront error"
+# rms of all aberrations of a lens that is called diffraction limited, waves: it leaves
+# .8 of the peak of a point's image (Marechal 1943; Born & Wolf, section 9.3)
+LIMITED = 1 / 14
+SHARED = 7  # terms that an unknown total is made of: Noll 5 to 11, all up to spherical
+MOVING = (8, 7, 10, 9)  # Noll's indices: coma along x and y, trefoil
+_HALF = 1.96  # standard deviations of a two-sided 95 % half-width
+
+
+def known_wavefront(stated: WavefrontSpec) -> Terms:
+    """Return the wavefront that is stated, empty if none is."""
+    return tuple((term.noll, term.waves) for term in stated.terms or () if term.waves)
+
+
+def unknown_wavefronts(stated: WavefrontSpec) -> tuple[Terms, ...]:
+    """Return wavefronts with each of the terms that move by which they may be wrong.
+
+    Each about what is known, at one end of its interval; none where all is known.
+    """
+    known = dict(known_wavefront(stated))
+    return tuple(
+        tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
+        for noll, half in zip(MOVING, unknown_waves(stated), strict=True)
+        if half > 0
+    )
+
+
+def unknown_waves(stated: WavefrontSpec) -> tuple[float, ...]:
+    """Return how large each of `MOVING` may be, waves rms, half-widths of 95 %.
+
+    Of a total, whose terms may share it in any way, all directions in their space are
+    as likely: along any one of them it is within `total_share` with 95 %.
+    """
+    if stated.terms is not None:
+        sigmas = {term.noll: term.sigma_waves for term in stated.terms}
+        return tuple(_HALF * sigmas.get(noll, 0.0) for noll in MOVING)
+    most = LIMITED if stated.rms_waves is None else stated.rms_waves
+    return (total_share() * most,) * len(MOVING)
+
+
+def total_share() -> float:
+    """Return what a component of a random direction is below with 95 %, .7.
+
+    The square of one of n components is distributed as Beta(1/2, (n - 1) / 2).
+    """
+    return math.sqrt(float(special.betaincinv(0.5, (SHARED - 1) / 2, 0.95)))
+
+
+def wavefront_rows(stated: WavefrontSpec, limit: float) -> tuple[EffectRow, EffectRow]:
+    """Return the rows of what is known of the wavefront, and of what is not.
+
+    Before they are charged.
+    """
+    known, half = known_wavefront(stated), max(unknown_waves(stated))
+    terms = ", ".join(f"{waves:g} of Noll {noll}" for noll, waves in known)
+    words = f"{_total(stated)}coma and trefoil of up to {half:.2g} waves rms each"
+    return (
+        _row(WAVEFRONT, limit, f"stated, waves rms: {terms}" if known else ""),
+        _row(UNKNOWN, limit, words if half else ""),
+    )
+
+
+def _row(effect: str, limit: float, reason: str) -> EffectRow:
+    """Return a row that is off where there is no reason for it."""
+    return EffectRow(
+        effect=effect,
+        level="not modelled" if reason else "off",
+        predicted_error=None if reason else 0.0,
+        limit=limit,
+        unit=CONTRAST,
+        reason=reason or "none is stated",
+    )
+
+
+def _total(stated: WavefrontSpec) -> str:
+    """Return what is known of the size of what is unknown."""
+    if stated.terms is not None:
+        return "of what is stated: "
+    if stated.rms_waves is not None:
+        return f"{stated.rms_waves:g} waves rms in all, as stated: "
+    return (
+        f"not stated; {LIMITED:.2g} waves rms in all, as of a lens that is just "
+        "diffraction limited (state `wavefront`): "
+    )
