@@ -94,7 +94,7 @@ def answer_um(case: LookCase, ready: PreparedRoutines, terms: Terms) -> np.ndarr
         assert outcome.target_um is not None, outcome
         found.append(outcome.target_um)
     shift = disc_shift_um(replace(scope, wavefront=terms))
-    return np.mean(found, axis=0) - shift
+    return np.asarray(np.mean(found, axis=0) - shift)
 
 
 @pytest.mark.parametrize("off_um", [0.0, 3.0])
