@@ -1,8 +1,9 @@
-"""Workcell lines from pictures: what a camera is, measured without a model of images.
+"""Workcell lines from pictures: what a camera is, with standard deviations.
 
-In: PNG and TIFF files of one still scene, a workcell file.
-Out: the workcell with `camera.noise_table` and what `calibrated` says of it.
-The type that passes: `StillScene` (still_frames), `NoiseRow` (photon_transfer).
-May be touched here: statistics of counts; which files are read belongs to measure.
+In: PNG and TIFF files, series with a table of readings, a workcell file.
+Out: the workcell with values, and what its block `calibrated` says of each.
+The type that passes: `CalibrationSeries` of `CalibratedValue`s (calibrated_value).
+May be touched here: statistics of counts, reading of series; which files are pictures
+belongs to measure.
 Watched by: tests/planner/calibration
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +10,17 @@ from scipy.optimize import nnls
 
 from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.optics.lens.sensor import ROUNDING
-from microplan.planner.calibration.count_levels import CountLevels
-from microplan.planner.calibration.estimates import jackknife_sigma
+from microplan.planner.calibration.count_levels import CountLevels, count_levels
+from microplan.planner.calibration.estimates import Refused, jackknife_sigma
 from microplan.planner.calibration.still_frames import StillScene
 
 MOST_ROWS = 24
 _CLEAR = 5.0  # standard deviations from where counts are cut off
-_FLAT = 0.02  # of a pixel's variance that vibration may add, or it is left out
+FLAT = 0.02  # of a pixel's variance that vibration may add, or it is left out
 _TILES = 8  # a side, blocks of the jackknife
 _FEWEST = 200  # values of a row: its variance is known to 10 %
 _APART = 1.0  # counts between rows
+CHART = "a chart or a field with even patches between dark and bright"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +31,44 @@ class NoiseRow:
     variance: float  # counts squared, rounding included
     sigma: float | None  # standard deviation of the variance; None: too few blocks
     pixels: int
+
+
+def photon_transfer(
+    frames: Iterable[FloatArray | IntArray], top: int
+) -> tuple[NoiseRow, ...] | Refused:
+    """Return the noise by level of successive frames of one still scene.
+
+    Memory does not grow with the number of frames.
+
+    Parameters
+    ----------
+    frames : iterable of (rows, columns) array
+        Counts 0..`top`, in the order of time.
+    top : int
+        The full scale.
+    """
+    what = "noise by level"
+    scene: StillScene | None = None
+    for frame in frames:
+        counts = np.asarray(frame, dtype=np.float64)
+        if counts.ndim != 2 or not counts.size:
+            return Refused(what=what, why="a frame has no pixels", take=CHART)
+        if not (counts.min() >= 0 and counts.max() <= top):  # nan also
+            why = f"counts are not in 0..{top}, the full scale stated"
+            return Refused(what=what, why=why, take="the camera's own counts")
+        if scene is None:
+            scene = StillScene.of(counts, top)
+        elif counts.shape != scene.total.shape:
+            why = f"frames of {counts.shape} and {scene.total.shape} pixels"
+            return Refused(what=what, why=why, take="frames of one size")
+        else:
+            scene.add(counts)
+    if scene is None or scene.frames < 2:
+        why = "fewer than two frames"
+        return Refused(what=what, why=why, take="eight frames or more of a still scene")
+    rows = noise_rows(scene, count_levels(scene.codes, top))
+    why = "too few pixels are clear of edges and of where counts are cut off"
+    return rows or Refused(what=what, why=why, take=CHART)
 
 
 def noise_rows(scene: StillScene, levels: CountLevels) -> tuple[NoiseRow, ...]:
@@ -58,6 +97,44 @@ def noise_rows(scene: StillScene, levels: CountLevels) -> tuple[NoiseRow, ...]:
         _row(mean, variance, tiles, chosen) for chosen in _by_level(mean, flat, scene)
     ]
     return tuple(rows)
+
+
+def pooled_rows(
+    scenes: Iterable[StillScene], levels: CountLevels
+) -> tuple[NoiseRow, ...]:
+    """Return the noise by level of several still scenes of one camera, rising.
+
+    Parameters
+    ----------
+    scenes : iterable of StillScene
+        Of two frames or more each.
+    levels : CountLevels
+        Of all frames.
+    """
+    found = [row for scene in scenes for row in noise_rows(scene, levels)]
+    found.sort(key=lambda row: row.level)
+    total, upto = sum(row.pixels for row in found), 0
+    bins: dict[int, list[NoiseRow]] = {}
+    for row in found:
+        bins.setdefault(upto * MOST_ROWS // total, []).append(row)
+        upto += row.pixels
+    return tuple(_pooled(rows) for rows in bins.values())
+
+
+def _pooled(rows: Sequence[NoiseRow]) -> NoiseRow:
+    """Return rows of about one level as one; they err independently."""
+    pixels = np.array([row.pixels for row in rows], dtype=np.float64)
+    share = pixels / pixels.sum()
+    sigmas = [row.sigma for row in rows if row.sigma is not None]
+    sigma = None
+    if len(sigmas) == len(rows):
+        sigma = float(np.sqrt(np.sum((share * sigmas) ** 2)))
+    return NoiseRow(
+        level=float(share @ [row.level for row in rows]),
+        variance=float(share @ [row.variance for row in rows]),
+        sigma=sigma,
+        pixels=int(pixels.sum()),
+    )
 
 
 def _clear(scene: StillScene, levels: CountLevels) -> BoolArray:
@@ -90,7 +167,7 @@ def _is_flat(mean: FloatArray, variance: FloatArray, clear: BoolArray) -> BoolAr
     excess = (variance / usual - 1)[clear]
     shaken = np.asarray(nnls(slopes.T @ slopes, slopes.T @ excess)[0])
     added = shaken[0] * down + shaken[1] * across
-    return np.asarray(clear & (added <= _FLAT * usual))
+    return np.asarray(clear & (added <= FLAT * usual))
 
 
 def _usual(mean: FloatArray, variance: FloatArray, clear: BoolArray) -> FloatArray:

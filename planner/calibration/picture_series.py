@@ -1,24 +1,27 @@
-"""Pictures of one still scene read from files, and what they tell of the camera."""
+"""Pictures of one still scene read from files, and the noise that they tell."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from microplan.planner.calibration.count_levels import CountLevels, count_levels
-from microplan.planner.calibration.photon_transfer import NoiseRow, noise_rows
-from microplan.planner.calibration.still_frames import StillScene
-from microplan.planner.measure.picture_files import (
-    PictureCounts,
-    PictureError,
-    pages_of,
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationCurve,
+    CalibrationSeries,
+    PictureSource,
 )
-from microplan.planner.measure.picture_light import full_scale
+from microplan.planner.calibration.count_levels import CountLevels, count_levels
+from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.noise_line import NoiseLine, noise_line
+from microplan.planner.calibration.photon_transfer import CHART, NoiseRow, noise_rows
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.response.code_levels import CodeUse, code_use
+from microplan.planner.calibration.still_frames import StillScene
+from microplan.planner.measure.picture_files import PictureError
 from microplan.planner.source.diagnostics import Report, Span
 
-CODE = "MP904"
 _CUT = 0.001  # share of counts that a few odd pixels have
 FEWEST_FRAMES = 8  # of which each pixel's variance is known to about half of itself
 
@@ -30,7 +33,38 @@ class NoiseByLevel:
     frames: int
     levels: CountLevels
     rows: tuple[NoiseRow, ...]
-    sha256: str  # of the pictures' counts, in their order
+    source: PictureSource
+
+    @property
+    def line(self) -> NoiseLine | Refused:
+        """Return the noise as a line over the level, if that explains it."""
+        return noise_line(self.rows)
+
+    @property
+    def series(self) -> CalibrationSeries:
+        """Return the noise as lines of a workcell."""
+        table = CalibratedValue(
+            key="noise_table",
+            value=tuple((row.level, row.variance) for row in self.rows),
+            sigma=tuple(row.sigma for row in self.rows),
+            unit="counts, counts^2",
+            method="differences of successive pictures of a still scene",
+            source=self.source,
+            where=("camera", "noise_table"),
+        )
+        points = [(row.level, row.variance) for row in self.rows]
+        line = self.line
+        through: list[tuple[float, float]] = []
+        if isinstance(line, NoiseLine):
+            slope, at_zero = line.gain.value, line.at_zero.value
+            ends = (points[0][0], points[-1][0])
+            through = [(level, at_zero + slope * level) for level in ends]
+        return CalibrationSeries(
+            heading=f"noise in {self.frames} pictures",
+            values=(table,),
+            notes=(*_by_level(self.rows), _line_words(line)),
+            curves={"photon transfer": CalibrationCurve(points=points, line=through)},
+        )
 
 
 def camera_noise(
@@ -54,114 +88,77 @@ def camera_noise(
         Receives MP901 for pictures that cannot be used, MP904 for what all of them do
         not tell.
     """
-    frames = _Frames(report=report, camera_bits=camera_bits, bits=bits)
-    for file in files:
-        if isinstance(file, PictureError):
-            frames.refuse(file)
-            continue
-        for page in pages_of(file, frames.other_size):
-            frames.add(page)
-    return frames.result(files)
-
-
-@dataclass(slots=True, kw_only=True)
-class _Frames:
-    """Frames as they are read."""
-
-    report: Report
-    camera_bits: int
-    bits: int | None
+    intake = PictureIntake(report=report, camera_bits=camera_bits, bits=bits)
     scene: StillScene | None = None
-    top: int = 0
-    last: bytes = b""
-    first: str = ""  # name of the first
-    digest: str = ""
-
-    def other_size(self, rows: int, columns: int) -> tuple[str, str] | None:
-        """Return why a picture is not taken, None if it is as large as the first."""
-        if self.scene is None or (rows, columns) == self.scene.total.shape:
-            return None
-        height, width = self.scene.total.shape
-        return (
-            f"it is {columns} x {rows} px, {self.first} is {width} x {height}",
-            "calibrate with pictures of one size at a time",
-        )
-
-    def refuse(self, error: PictureError) -> None:
-        """Report a picture that cannot be used."""
-        self.report.error(error.code, Span(file=error.file), str(error), error.hint)
-
-    def add(self, page: PictureCounts | PictureError) -> None:
-        """Take one picture, or report why not."""
-        if isinstance(page, PictureError):
-            self.refuse(page)
-            return
-        key = hashlib.sha256(page.counts.tobytes()).digest()
-        if key == self.last:
-            message = f"{page.name} has exactly the pixels of the picture before it"
-            hint = "take another picture: a copy has no noise of its own"
-            self.report.warning(CODE, Span(file=str(page.path)), message, hint)
-            return
-        self.last = key
-        self.digest = hashlib.sha256(self.digest.encode() + key).hexdigest()
-        if self.scene is None:
-            most, first = float(page.counts.max()), page.counts
-            self.top = full_scale(most, page.file_bits, self.camera_bits, self.bits)
-            self.first, self.scene = page.name, StillScene.of(first, self.top)
+    for page in intake.pages(files):
+        if scene is None:
+            scene = StillScene.of(page.counts, intake.top)
         else:
-            self.scene.add(page.counts)
+            scene.add(page.counts)
+    where = Span(file=str(files[0]) if files else "")
+    if scene is None or scene.frames < FEWEST_FRAMES:
+        message = f"{intake.taken} pictures tell no noise, {FEWEST_FRAMES} are needed"
+        hint = "take more of one still scene, nothing moved or changed between them"
+        report.error(CODE, where, message, hint)
+        return None
+    levels = count_levels(scene.codes, intake.top)
+    if not intake.fits(levels.highest, where):
+        return None
+    rows = noise_rows(scene, levels)
+    if not rows:
+        message = "no pixel is clear of edges and of where counts are cut off"
+        report.error(CODE, where, message, f"photograph {CHART}")
+    doubts(levels, code_use(scene.codes, camera_bits), where, report)
+    if not rows:
+        return None
+    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
+    return NoiseByLevel(frames=scene.frames, levels=levels, rows=rows, source=source)
 
-    def result(self, files: Sequence[Path | PictureError]) -> NoiseByLevel | None:
-        """Return what all frames tell, None if it was reported why they do not."""
-        scene, where = self.scene, Span(file=str(files[0]) if files else "")
-        count = 0 if scene is None else scene.frames
-        if scene is None or count < FEWEST_FRAMES:
-            message = f"{count} pictures tell no noise, {FEWEST_FRAMES} are needed"
-            hint = "take more of one still scene, nothing moved or changed between them"
-            self.report.error(CODE, where, message, hint)
-            return None
-        levels = count_levels(scene.codes, self.top)
-        if levels.highest > self.top:
-            message = f"counts reach {levels.highest}, full scale is {self.top}"
-            self.report.error(CODE, where, message, "state it with --bits")
-            return None
-        own = 2**self.camera_bits - 1
-        if self.top != own:
-            message = f"the pictures' full scale is {self.top}, the workcell's camera "
-            message += f"counts to {own}"
-            hint = "mend camera.bits in the workcell, or state --bits"
-            self.report.error(CODE, where, message, hint)
-            return None
-        rows = noise_rows(scene, levels)
-        self._doubts(levels, rows, where)
-        if not rows:
-            return None
-        return NoiseByLevel(
-            frames=count,
-            levels=levels,
-            rows=rows,
-            sha256=self.digest,
-        )
 
-    def _doubts(
-        self, levels: CountLevels, rows: Sequence[NoiseRow], where: Span
-    ) -> None:
-        """Report what the pictures do not tell, and what to photograph instead."""
-        if not rows:
-            message = "no pixel is clear of edges and of where counts are cut off"
-            hint = "photograph a chart or a field with even patches between dark and "
-            self.report.error(CODE, where, message, hint + "bright")
-        if levels.step > 1:
-            message = f"all counts are multiples of {levels.step}"
-            hint = "the camera has fewer bits: save its own counts, and state --bits"
-            self.report.warning(CODE, where, message, hint)
-        if levels.dark_share > _CUT:
-            message = f"{levels.dark_share:.0%} of the counts are 0: the black level "
-            message += "cuts off, and the noise in the dark is not told"
-            hint = "raise the camera's offset and take them again"
-            self.report.warning(CODE, where, message, hint)
-        if levels.white_share > _CUT:
-            message = f"{levels.white_share:.0%} of the counts are saturated, at "
-            message += f"{levels.white_level}"
-            hint = "expose for a shorter time, and take them again"
-            self.report.warning(CODE, where, message, hint)
+def doubts(
+    levels: CountLevels, use: CodeUse | Refused, where: Span, report: Report
+) -> None:
+    """Report where counts are cut off and left out, and what to do about it."""
+    if levels.step > 1:
+        message = f"all counts are multiples of {levels.step}"
+        hint = "the camera has fewer bits: save its own counts, and state --bits"
+        report.warning(CODE, where, message, hint)
+    elif isinstance(use, CodeUse) and use.missing:
+        message = f"{use.missing} counts never occur between others that often do"
+        hint = "a table in the camera leaves them out: switch it off"
+        report.warning(CODE, where, message, hint)
+    if levels.dark_share > _CUT:
+        message = f"{levels.dark_share:.0%} of the counts are 0: the black level "
+        message += "cuts off, and the noise in the dark is not told"
+        hint = "raise the camera's offset and take them again"
+        report.warning(CODE, where, message, hint)
+    if levels.white_share > _CUT:
+        message = f"{levels.white_share:.0%} of the counts are saturated, at "
+        message += f"{levels.white_level}"
+        hint = "expose for a shorter time, and take them again"
+        report.warning(CODE, where, message, hint)
+
+
+def _by_level(rows: Sequence[NoiseRow]) -> list[str]:
+    """Return the noise by level in words."""
+    lines = []
+    for row in rows:
+        noise = row.variance**0.5
+        words = f"at {row.level:8.1f} counts: {noise:.3g}"
+        if row.sigma is not None:
+            words += f" +- {row.sigma / 2 / noise:.2g}"
+        lines.append(words)
+    return lines
+
+
+def _line_words(line: NoiseLine | Refused) -> str:
+    """Return whether photons and read noise explain the noise."""
+    if isinstance(line, Refused):
+        return f"no {line.what}: {line.why}; photograph {line.take}"
+    if not line.suffices:
+        return "photons and read noise do not explain it: the table does"
+    electrons = 1 / line.gain.value
+    words = f"photons and read noise explain it: {electrons:.4g}"
+    if line.gain.sigma is not None:
+        words += f" +- {electrons * line.gain.sigma / line.gain.value:.2g}"
+    return words + " electrons a count"

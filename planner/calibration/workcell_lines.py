@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 import yaml
+
+from microplan.planner.calibration.calibrated_value import CalibratedValue
 
 _WIDTH = 110  # of a line
 
 
-def with_noise_table(text: str, rows: str, calibrated: Mapping[str, Any]) -> str:
-    """Return a workcell's text with a noise table in its camera.
+def with_calibrated(text: str, values: Sequence[CalibratedValue]) -> str:
+    """Return a workcell's text with values put in, and what `calibrated` says of them.
 
     Parameters
     ----------
     text : str
-        A valid workcell file, its camera a mapping.
-    rows : str
-        The table as YAML writes it in one line.
-    calibrated : mapping
-        What the block `calibrated` says of it, by key; others of the block stay.
+        A valid workcell file; sections that values belong to are mappings in it.
+    values : sequence of CalibratedValue
+        Values of no section are in the block alone; what is there of others stays.
     """
-    changed = _with_key(text, _mapping(text, "camera"), "noise_table", rows)
-    kept = yaml.safe_load(changed).get("calibrated") or {}
-    said = {**kept, **calibrated}
-    root = _root(changed)
+    for value in values:
+        if value.where is not None:
+            section, key = value.where
+            text = _with_key(text, _mapping(text, section), key, value.line)
+    kept = yaml.safe_load(text).get("calibrated") or {}
+    said = {**kept, **{value.key: value.record for value in values}}
+    root = _root(text)
     if root.flow_style:  # as JSON is
         line = yaml.safe_dump(said, default_flow_style=True, width=math.inf)
-        return _with_key(changed, root, "calibrated", line.rstrip())
-    return _with_block(changed, yaml.safe_dump({"calibrated": said}, width=_WIDTH))
+        return _with_key(text, root, "calibrated", line.rstrip())
+    block = yaml.safe_dump({"calibrated": said}, width=_WIDTH, sort_keys=False)
+    return _with_block(text, block)
 
 
 def _mapping(text: str, key: str) -> yaml.MappingNode:

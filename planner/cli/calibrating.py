@@ -10,39 +10,57 @@ from microplan.planner.cli.answering import answered
 from microplan.planner.source.diagnostics import CallError, Report, Span
 
 if TYPE_CHECKING:
-    from microplan.planner.calibration.picture_series import NoiseByLevel
+    from microplan.planner.calibration.calibrated_value import (
+        CalibratedValue,
+        CalibrationSeries,
+    )
+    from microplan.planner.source.schema import Checked
 
 CODE = "MP904"
 
 
 @answered
 def calibrate(call: argparse.Namespace, report: Report) -> str:
-    """Return what pictures of a still scene tell, and write it if asked for."""
-    from microplan.planner.calibration.picture_series import camera_noise
-    from microplan.planner.measure.picture_files import files_of
-    from microplan.planner.source.schema import check
-    from microplan.planner.source.source import read_source
+    """Return what series of pictures tell, and write it if asked for."""
+    from microplan.planner.calibration.calibrated_cell import (
+        CalibrateCall,
+        calibrated,
+        calibrated_text,
+        first_of_each,
+    )
     from microplan.planner.store.folder import replace_bytes
-    from microplan.planner.task.camera.check_camera import BITS
 
     call.task = str(call.workcell)  # what findings are about
     _check_out(call.workcell, call.out)
+    cell = _cell(call, report)
+    if cell is None:
+        return ""
+    asked = CalibrateCall(pictures=call.pictures, cell=cell, bits=call.bits)
+    series = calibrated(asked, report)
+    if report.failed or not series:
+        return ""
+    said = "\n\n".join(map(_said, series))
+    if call.out is None:
+        return said + "\n\nwith -o FILE they are put into a workcell"
+    text = call.workcell.read_text(encoding="utf-8")
+    new = calibrated_text(text, list(first_of_each(series)), call.out, report)
+    if new is None:
+        return ""
+    replace_bytes(call.out, new.encode())
+    return f"{said}\n\n{call.out} has them"
+
+
+def _cell(call: argparse.Namespace, report: Report) -> Checked | None:
+    """Return the workcell, None if it is at fault."""
+    from microplan.planner.source.schema import check
+    from microplan.planner.source.source import read_source
+
     name = str(call.workcell)
     source = read_source(call.workcell, name, report, Span(file=name))
     if source is None:
-        return ""
+        return None
     cell = check(source, "workcell", "microplan_workcell", report)
-    if report.failed:
-        return ""
-    bits = int(cell.source.get("camera", "bits") or BITS)
-    found = camera_noise(files_of(call.pictures), bits, call.bits, report)
-    if found is None or report.failed:
-        return ""
-    if call.out is None:
-        return _said(found) + "\n\nwith -o FILE they are put into a workcell"
-    text = call.workcell.read_text(encoding="utf-8")
-    replace_bytes(call.out, _written(text, found).encode())
-    return f"{_said(found)}\n\n{call.out} has them"
+    return None if report.failed else cell
 
 
 def _check_out(workcell: Path, out: Path | None) -> None:
@@ -63,30 +81,21 @@ def _held(file: Path) -> bytes:
         return b""  # what is not readable is not replaced
 
 
-def _said(found: NoiseByLevel) -> str:
-    """Return the noise by level, a line each."""
-    lines = [f"noise in {found.frames} pictures, counts (standard deviation)"]
-    for row in found.rows:
-        noise = row.variance**0.5
-        words = f"  at {row.level:8.1f}: {noise:.3g}"
-        if row.sigma is not None:
-            words += f" +- {row.sigma / 2 / noise:.2g}"
-        lines.append(words)
-    return "\n".join(lines)
+def _said(series: CalibrationSeries) -> str:
+    """Return what a series tells, a line each."""
+    numbers = [v for v in series.values if isinstance(v.value, float)]
+    lines = [*map(_number, numbers), *series.notes]
+    return "\n".join((series.heading, *(f"  {line}" for line in lines)))
 
 
-def _written(text: str, found: NoiseByLevel) -> str:
-    """Return the workcell's text with the noise in it."""
-    from microplan.planner.calibration.workcell_lines import with_noise_table
-
-    rows = ", ".join(f"[{row.level:.6g}, {row.variance:.4g}]" for row in found.rows)
-    said = {
-        "method": "differences of successive pictures of a still scene",
-        "pictures": found.frames,
-        "sha256": found.sha256,
-        "sigma": [
-            None if row.sigma is None else float(f"{row.sigma:.3g}")
-            for row in found.rows
-        ],
-    }
-    return with_noise_table(text, f"[{rows}]", {"noise_table": said})
+def _number(value: CalibratedValue) -> str:
+    """Return a value with its standard deviation, and what was stated."""
+    unit = "" if value.unit == "1" else f" {value.unit}"
+    (sigma,) = value.sigma
+    words = f"{value.key}: {value.value:.5g}"
+    words += f" +- {sigma:.2g}{unit}" if sigma is not None else unit
+    if value.stated is not None:
+        words += f"; stated {value.stated:.5g}"
+        if value.pull is not None:
+            words += f", {abs(value.pull):.2g} standard deviations off"
+    return words

@@ -122,6 +122,7 @@ TITLES: Mapping[str, str] = {
     "MP902": "nothing measures this target",
     "MP903": "what is to be measured is not clear",
     "MP904": "pictures do not tell this of the camera",
+    "MP905": "readings of pictures are not clear",
 }
 
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first

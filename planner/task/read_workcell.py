@@ -76,6 +76,7 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
     source = cell.source
     normalised = plain(data)
     del normalised["microplan_workcell"]
+    normalised.pop("calibrated", None)  # where values come from changes none
     tools = {}
     for name, raw in data["tools"].items():
         tools[name] = _tool(name, raw, fingers[name], source.key("tools", name))

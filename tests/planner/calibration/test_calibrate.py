@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,11 @@ import pytest
 import yaml
 
 from microplan.arrays import FloatArray
-from microplan.planner.calibration.workcell_lines import with_noise_table
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    PictureSource,
+)
+from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
@@ -63,7 +68,7 @@ def test_a_workcell_gets_the_noise_that_pictures_have(
     for _, variance in table:
         assert variance == pytest.approx(READ**2 + 1 / 12, rel=0.1)
     assert how["noise_table"]["pictures"] == 16
-    assert len(how["noise_table"]["sigma"]) == len(table) == 24
+    assert len(how["noise_table"]["standard_deviation"]) == len(table) == 24
     kept = set(cell.read_text(encoding="utf-8").splitlines())
     left = kept - set(out.read_text(encoding="utf-8").splitlines())
     assert {line[:7] for line in left} == {"camera:"}
@@ -88,6 +93,10 @@ def test_calibrating_again_replaces_what_was_found(tmp_path: Path, cell: Path) -
     assert out.read_text(encoding="utf-8").count("noise_table") == 2
 
 
+TABLE = CalibratedValue(
+    key="noise_table", value=((5.0, 6.0),), sigma=(0.5,), unit="counts", method="d",
+    source=PictureSource(pictures=9, sha256="ab" * 32), where=("camera", "noise_table"),
+)  # fmt: skip
 BLOCK = """# a cell
 camera:
   # its sensor
@@ -104,7 +113,7 @@ light: {kind: coaxial}
 
 
 def test_lines_are_put_into_a_file_written_in_blocks() -> None:
-    found = with_noise_table(BLOCK, "[[5, 6]]", {"noise_table": {"method": "d"}})
+    found = with_calibrated(BLOCK, [TABLE])
     data = yaml.safe_load(found)
     assert data["camera"] == {
         "bits": 8, "noise_table": [[5, 6]], "full_well_e": 10000,
@@ -113,7 +122,7 @@ def test_lines_are_put_into_a_file_written_in_blocks() -> None:
     assert data["light"] == {"kind": "coaxial"}
     for line in ("# a cell", "  # its sensor", "# after", "# the last"):
         assert line in found
-    bare = with_noise_table("camera: {bits: 8}  # b\n", "[[5, 6]]", {"k": {}})
+    bare = with_calibrated("camera: {bits: 8}  # b\n", [TABLE])
     assert yaml.safe_load(bare)["camera"] == {"noise_table": [[5, 6]], "bits": 8}
     assert "# b" in bare
 
@@ -122,11 +131,11 @@ def test_lines_are_put_into_a_file_written_in_blocks() -> None:
     "before", ['{"camera": {"bits": 8}}', "{camera: {bits: 8},\n}"]
 )
 def test_lines_are_put_into_a_file_in_braces(before: str) -> None:
-    said = {"noise_table": {"method": "d", "sigma": [0.5, None]}}
-    for text in (before, with_noise_table(before, "[[1, 2]]", {"response": {}})):
-        data = yaml.safe_load(with_noise_table(text, "[[5, 6]]", said))
+    older = replace(TABLE, value=((1.0, 2.0),))
+    for text in (before, with_calibrated(before, [older])):
+        data = yaml.safe_load(with_calibrated(text, [TABLE]))
         assert data["camera"] == {"bits": 8, "noise_table": [[5, 6]]}
-        assert data["calibrated"]["noise_table"] == said["noise_table"]
+        assert data["calibrated"]["noise_table"] == TABLE.record
 
 
 def refused(
@@ -147,7 +156,7 @@ def test_pictures_that_do_not_tell_the_noise_are_refused(
     assert "3 pictures tell no noise, 8 are needed" in refused(few, cell, capsys)
     one = frames(1) * 9
     same = refused(written(tmp_path / "same", one), cell, capsys)
-    assert "exactly the pixels of the picture before it" in same
+    assert "exactly the pixels of picture 1" in same
     white = written(tmp_path / "w", frames(9, np.full((64, 64), 1.0)))
     assert "no pixel is clear of edges" in refused(white, cell, capsys)
     other = [*frames(9), np.zeros((5, 5), dtype=np.uint8)]

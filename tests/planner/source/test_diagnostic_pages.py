@@ -139,6 +139,11 @@ def _grasp_and_release(folder: Path) -> None:
     cut(folder / "task.yaml", GRASP, release)
 
 
+def _readings(folder: Path) -> None:
+    """Put the page's table of readings among the drawings."""
+    (folder / "parts" / "readings.csv").write_text("file,depth\n", encoding="utf-8")
+
+
 # what a page says the example is cut down to, so that its call takes seconds
 PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP501": _see_post,
@@ -146,6 +151,7 @@ PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP504": _see_post_well,
     "MP602": _grasp_and_release,
     "MP616": _see_post,
+    "MP905": _readings,
 }
 
 

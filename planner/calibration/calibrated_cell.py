@@ -1,0 +1,126 @@
+"""All series of pictures of a call, and the workcell that they amount to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationSeries,
+)
+from microplan.planner.calibration.light_series import camera_response
+from microplan.planner.calibration.picture_intake import PictureIntake
+from microplan.planner.calibration.picture_series import camera_noise
+from microplan.planner.calibration.readings import (
+    READINGS,
+    PictureReadings,
+    read_readings,
+)
+from microplan.planner.calibration.workcell_lines import with_calibrated
+from microplan.planner.measure.picture_files import PictureError, files_of
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import Checked, check
+from microplan.planner.source.source import parse
+from microplan.planner.task.camera.check_camera import BITS, check_camera
+
+_STATED = ("response", "black_level", "white_level", "full_well_e", "read_noise_e")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateCall:
+    """Pictures, and the camera's workcell."""
+
+    pictures: Sequence[Path]  # files, and folders, those with a table a series each
+    cell: Checked  # the workcell
+    bits: int | None  # of the pictures, if that is stated
+
+
+def calibrated(call: CalibrateCall, report: Report) -> list[CalibrationSeries]:
+    """Return what each series of pictures tells; findings of those that do not.
+
+    Folders with a table of readings are a series each, all other pictures frames of
+    one still scene.
+    """
+    tables = [path for path in call.pictures if (path / READINGS).is_file()]
+    others = [path for path in call.pictures if path not in tables]
+    found: list[CalibrationSeries | None] = []
+    if others:
+        found.append(_still(files_of(others), call, report))
+    for folder in tables:
+        readings = read_readings(folder, report)
+        if readings is not None:
+            found.append(_with_readings(readings, call, report))
+    return [series for series in found if series is not None]
+
+
+def _still(
+    files: Sequence[Path | PictureError], call: CalibrateCall, report: Report
+) -> CalibrationSeries | None:
+    """Return what frames of a still scene tell."""
+    noise = camera_noise(files, _camera_bits(call.cell), call.bits, report)
+    return None if noise is None else noise.series
+
+
+def _with_readings(
+    readings: PictureReadings, call: CalibrateCall, report: Report
+) -> CalibrationSeries | None:
+    """Return what a series with readings tells."""
+    if readings.kind == "still":
+        return _still(readings.files, call, report)
+    intake = PictureIntake(
+        report=report, camera_bits=_camera_bits(call.cell), bits=call.bits
+    )
+    return camera_response(readings, intake, stated_numbers(call.cell))
+
+
+def _camera_bits(cell: Checked) -> int:
+    """Return the bits of a workcell's camera."""
+    return int(cell.source.get("camera", "bits") or BITS)
+
+
+def stated_numbers(cell: Checked) -> Mapping[str, float]:
+    """Return the numbers that a workcell states of its camera, by key."""
+    said = {key: cell.source.get("camera", key) for key in _STATED}
+    return {k: float(v) for k, v in said.items() if isinstance(v, int | float)}
+
+
+def first_of_each(series: Sequence[CalibrationSeries]) -> Iterator[CalibratedValue]:
+    """Yield the values of all series; of those with one key the first."""
+    seen: set[str] = set()
+    for value in (value for each in series for value in each.values):
+        if value.key not in seen:
+            seen.add(value.key)
+            yield value
+
+
+def calibrated_text(
+    text: str, values: Sequence[CalibratedValue], out: Path, report: Report
+) -> str | None:
+    """Return a workcell's text with values in it; None if it were no workcell then.
+
+    Parameters
+    ----------
+    text : str
+        A valid workcell file.
+    values : sequence of CalibratedValue
+        One of each key.
+    out : Path
+        Where the text will be; findings say so.
+    report : Report
+        Receives what the values contradict.
+    """
+    new = with_calibrated(text, values)
+    source = parse(new, out, str(out), report)
+    if source is None:
+        return None
+    at = Span(file=str(out))
+    before = len(report.found)
+    cell = check(source, "workcell", "microplan_workcell", report)
+    check_camera(cell, report)
+    if any(each.severity == "error" for each in report.found[before:]):
+        message = "values that were found are none of a workcell; nothing is written"
+        report.error("MP904", at, message, "take the pictures again")
+        return None
+    return new

@@ -1,0 +1,207 @@
+"""Pictures of one still scene in several lights, and the response that they tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.optics.lens.response import Response, power_rows
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationCurve,
+    CalibrationSeries,
+    PictureSource,
+    single,
+)
+from microplan.planner.calibration.count_levels import count_levels
+from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.photon_transfer import pooled_rows
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.picture_series import (
+    FEWEST_FRAMES,
+    NoiseByLevel,
+    doubts,
+)
+from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
+from microplan.planner.calibration.response.code_levels import black_level, code_use
+from microplan.planner.calibration.response.light_levels import LightStep
+from microplan.planner.calibration.response.response_fit import (
+    ResponseFit,
+    fit_response,
+)
+from microplan.planner.calibration.still_frames import StillScene
+from microplan.planner.source.diagnostics import Span
+
+_MOST_PX = 60_000  # of a picture that are kept, evenly over it: more are not fitted
+_MOST_LIGHTS = 256  # 3 MiB each
+_LEVELS = 60  # of a drawn curve
+
+
+@dataclass(slots=True, kw_only=True)
+class LightScenes:
+    """Frames of each light, added up."""
+
+    top: int = 0
+    scenes: dict[float, StillScene] = field(default_factory=dict)
+
+    def add(self, light: float, counts: FloatArray, top: int) -> None:
+        """Take a picture (rows, columns), counts, of which some pixels are kept."""
+        every = math.ceil(math.sqrt(counts.size / _MOST_PX))
+        frame, self.top = counts[::every, ::every], top
+        if light in self.scenes:
+            self.scenes[light].add(frame)
+        else:
+            self.scenes[light] = StillScene.of(np.ascontiguousarray(frame), top)
+
+    @property
+    def steps(self) -> list[LightStep]:
+        """Return the lights with their frames, rising."""
+        lights = sorted(self.scenes.items())
+        return [LightStep(light=light, scene=scene) for light, scene in lights]
+
+
+def camera_response(
+    readings: PictureReadings,
+    intake: PictureIntake,
+    stated: Mapping[str, float],
+) -> CalibrationSeries | None:
+    """Return what pictures in several lights tell of a camera, None if too little.
+
+    Parameters
+    ----------
+    readings : PictureReadings
+        With a light reading of each picture.
+    intake : PictureIntake
+        New; its report receives MP901, MP904 and MP905.
+    stated : mapping
+        Numbers of the workcell's camera, by key.
+    """
+    found, where = LightScenes(), Span(file=str(readings.file))
+    for row, page in readings_of_pages(readings, intake):
+        found.add(row.light, page.counts, intake.top)
+        if len(found.scenes) > _MOST_LIGHTS:
+            message = f"more than {_MOST_LIGHTS} different lights"
+            hint = "ten to fifty tell as much; state a light's reading as it was set"
+            intake.report.error(CODE, where, message, hint)
+            return None
+    if not found.scenes:
+        intake.report.error(CODE, where, "no picture of the table can be used")
+        return None
+    codes = np.sum([scene.codes for scene in found.scenes.values()], axis=0)
+    levels = count_levels(codes, found.top)
+    if not intake.fits(levels.highest, where):
+        return None
+    fit = fit_response(found.steps, found.top)
+    if isinstance(fit, Refused):
+        message = f"no {fit.what}: {fit.why}"
+        intake.report.error(CODE, where, message, f"photograph {fit.take}")
+        return None
+    doubts(levels, code_use(codes, intake.camera_bits), where, intake.report)
+    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
+    return _series(fit, found, source, stated)
+
+
+def _series(
+    fit: ResponseFit,
+    found: LightScenes,
+    source: PictureSource,
+    stated: Mapping[str, float],
+) -> CalibrationSeries:
+    """Return a response as lines of a workcell, with the noise where it is told."""
+    values = [_response(fit, source, stated)]
+    black = stated.get("black_level", 0.0)
+    where = ("camera", "black_level")
+    dark = single(
+        "black_level", fit.black, source, unit="counts", where=where, stated=black
+    )
+    values.append(dark)
+    if fit.white_is_seen:
+        white = BlockEstimate(
+            value=fit.white,
+            sigma=None,
+            method="count at which pixels pile up",
+            blocks=1,
+        )
+        where = ("camera", "white_level")
+        values.append(single("white_level", white, source, unit="counts", where=where))
+    noise = _noise(found, source)
+    curves = {"response": _curve(fit, found.steps)}
+    if noise is not None:
+        values += noise.values
+        curves |= noise.curves
+    return CalibrationSeries(
+        heading=f"response in {source.pictures} pictures of {fit.lights} lights",
+        values=tuple(values),
+        notes=(*_words(fit, found), *(noise.notes if noise else ())),
+        curves=curves,
+    )
+
+
+def _response(
+    fit: ResponseFit, source: PictureSource, stated: Mapping[str, float]
+) -> CalibratedValue:
+    """Return the power or the table of a response."""
+    where = ("camera", "response")
+    if fit.kind == "power":
+        power = stated.get("response", 1.0)
+        return single("response", fit.gamma, source, where=where, stated=power)
+    return CalibratedValue(
+        key="response",
+        value=fit.rows,
+        sigma=fit.row_sigmas,
+        unit="light, level",
+        method=fit.gamma.method,
+        source=source,
+        where=where,
+    )
+
+
+def _noise(found: LightScenes, source: PictureSource) -> CalibrationSeries | None:
+    """Return the noise of lights with enough frames, None if there are none."""
+    scenes = [s for s in found.scenes.values() if s.frames >= FEWEST_FRAMES]
+    if not scenes:
+        return None
+    levels = count_levels(np.sum([scene.codes for scene in scenes], axis=0), found.top)
+    rows = pooled_rows(scenes, levels)
+    frames = sum(scene.frames for scene in scenes)
+    if not rows:
+        return None
+    noise = NoiseByLevel(frames=frames, levels=levels, rows=rows, source=source)
+    return noise.series
+
+
+def _words(fit: ResponseFit, found: LightScenes) -> list[str]:
+    """Return how well a response predicts lights left out, and what darkness says."""
+    words = [f"levels of a light left out: off by {fit.held_out_power:.3g} counts rms"]
+    if fit.held_out_table is not None:
+        words[0] += f" by the power, {fit.held_out_table:.3g} by a table"
+    low, high = fit.seen
+    words.append(f"seen from {low:.0%} to {high:.0%} of its range")
+    dark = found.scenes.get(0.0)
+    level = None if dark is None else black_level(dark)
+    if isinstance(level, BlockEstimate):
+        sigma = "" if level.sigma is None else f" +- {level.sigma:.2g}"
+        words.append(f"frames without light: {level.value:.4g}{sigma} counts")
+    elif level is not None:
+        words.append(f"no {level.what}: {level.why}; photograph {level.take}")
+    return words
+
+
+def _curve(fit: ResponseFit, steps: Sequence[LightStep]) -> CalibrationCurve:
+    """Return the median level by light, and the response through it."""
+    most = max(step.light for step in steps)
+    points = [(s.light / most, float(np.median(s.scene.mean))) for s in steps]
+    rows = fit.rows or power_rows(fit.gamma.value)
+    response = Response.from_levels(rows, fit.black.value, fit.white)
+    lights, levels = np.array(points).T
+    shares = response.share_of(levels)
+    use = (lights > 0) & (levels < fit.white) & (shares > 0)
+    factor = float(np.median(shares[use] / lights[use])) if use.any() else 1.0
+    grid = np.linspace(0.0, 1.0, _LEVELS)
+    drawn = response.counts_of(np.minimum(factor * grid, 1.0))
+    line = list(zip(grid.tolist(), drawn.tolist(), strict=True))
+    return CalibrationCurve(points=points, line=line)
