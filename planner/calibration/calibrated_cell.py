@@ -10,6 +10,9 @@ from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
     CalibrationSeries,
 )
+from microplan.planner.calibration.geometry.part_finder import part_finder
+from microplan.planner.calibration.geometry.part_places import PartPlaces
+from microplan.planner.calibration.geometry.stage_series import stage_axes
 from microplan.planner.calibration.light_series import camera_response
 from microplan.planner.calibration.picture_intake import PictureIntake
 from microplan.planner.calibration.picture_series import camera_noise
@@ -19,10 +22,12 @@ from microplan.planner.calibration.readings import (
     read_readings,
 )
 from microplan.planner.calibration.workcell_lines import with_calibrated
+from microplan.planner.measure.part_task import PartCall
 from microplan.planner.measure.picture_files import PictureError, files_of
-from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.planner.source.schema import Checked, check
 from microplan.planner.source.source import parse
+from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.camera.check_camera import BITS, check_camera
 
 _STATED = ("response", "black_level", "white_level", "full_well_e", "read_noise_e")
@@ -35,6 +40,8 @@ class CalibrateCall:
     pictures: Sequence[Path]  # files, and folders, those with a table a series each
     cell: Checked  # the workcell
     bits: int | None  # of the pictures, if that is stated
+    part: PartCall | None = None  # that pictures with stage and focus readings show
+    memo: Memo = EVERY_TIME  # keeps how the part is found
 
 
 def calibrated(call: CalibrateCall, report: Report) -> list[CalibrationSeries]:
@@ -72,7 +79,15 @@ def _with_readings(
     intake = PictureIntake(
         report=report, camera_bits=_camera_bits(call.cell), bits=call.bits
     )
-    return camera_response(readings, intake, stated_numbers(call.cell))
+    if readings.kind == "light":
+        return camera_response(readings, intake, stated_numbers(call.cell))
+    if call.part is None:
+        message = f"{readings.kind} readings tell something of a known part only"
+        raise CallError("MP903", message, readings.file, "--part names its drawing")
+    finder = part_finder(readings, call.part, call.bits, report, call.memo)
+    if finder is None:
+        return None
+    return stage_axes(readings, PartPlaces(finder=finder, intake=intake))
 
 
 def _camera_bits(cell: Checked) -> int:

@@ -267,7 +267,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "measure": (add_measure, "measure a target in pictures of it"),
-    "calibrate": (add_calibrate, "measure the camera in pictures of a still scene"),
+    "calibrate": (add_calibrate, "find workcell lines in pictures of your own"),
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),

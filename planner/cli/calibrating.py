@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from microplan.planner.cli.answering import answered
+from microplan.planner.cli.answering import answered, asked_for
 from microplan.planner.source.diagnostics import CallError, Report, Span
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         CalibratedValue,
         CalibrationSeries,
     )
+    from microplan.planner.measure.part_task import PartCall
     from microplan.planner.source.schema import Checked
 
 CODE = "MP904"
@@ -29,14 +30,24 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
         first_of_each,
     )
     from microplan.planner.store.folder import replace_bytes
+    from microplan.planner.store.memo import Memo
+    from microplan.planner.store.store import Store, place
 
     call.task = str(call.workcell)  # what findings are about
     _check_out(call.workcell, call.out)
     cell = _cell(call, report)
     if cell is None:
         return ""
-    asked = CalibrateCall(pictures=call.pictures, cell=cell, bits=call.bits)
+    store = Store(place())
+    asked = CalibrateCall(
+        pictures=call.pictures,
+        cell=cell,
+        bits=call.bits,
+        part=_part(call),
+        memo=Memo(store),
+    )
     series = calibrated(asked, report)
+    store.trim()
     if report.failed or not series:
         return ""
     said = "\n\n".join(map(_said, series))
@@ -48,6 +59,15 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
         return ""
     replace_bytes(call.out, new.encode())
     return f"{said}\n\n{call.out} has them"
+
+
+def _part(call: argparse.Namespace) -> PartCall | None:
+    """Return the part of a call, None if it names none."""
+    if call.part is None:
+        return None
+    from microplan.planner.measure.part_task import PartCall
+
+    return asked_for(PartCall, call)
 
 
 def _cell(call: argparse.Namespace, report: Report) -> Checked | None:

@@ -17,6 +17,7 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
     _add_pictures(parser)
     parser.add_argument("--task", help="task.yaml, with --step")
     parser.add_argument("--step", help="id of a step that looks")
+    parser.add_argument("--workcell", type=Path, help="workcell.yaml")
     _add_part(parser)
     parser.add_argument(
         "--chain",
@@ -24,14 +25,7 @@ def add_measure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME,...",
         help="routines to measure with; default: the best on the task's images",
     )
-    parser.add_argument(
-        "--near",
-        type=asked(parse_near, NEAR),
-        metavar="X,Y[,DEG]",
-        help="where the target is about: 320px,244px of the frame, or --near=-12um,3um "
-        "in the world; angle in degrees; default: where the task has it, of --part "
-        "anywhere",
-    )
+    _add_near(parser)
     parser.add_argument("--magnification", type=float, help="default: as compiled")
     parser.add_argument("--focus-um", type=float, help="world height in focus")
     _add_bits(parser)
@@ -58,8 +52,25 @@ def add_calibrate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--out", type=Path, help="the workcell with what was found, beside it"
     )
+    _add_part(parser)
+    _add_near(parser)
+    parser.add_argument(
+        "--magnification", type=float, help="default: the workcell's only one"
+    )
     _add_bits(parser)
     parser.set_defaults(format="text")
+
+
+def _add_near(parser: argparse.ArgumentParser) -> None:
+    """Add where the target is about."""
+    parser.add_argument(
+        "--near",
+        type=asked(parse_near, NEAR),
+        metavar="X,Y[,DEG]",
+        help="where the target is about: 320px,244px of the frame, or --near=-12um,3um "
+        "in the world; angle in degrees; default: where the task has it, of --part "
+        "anywhere",
+    )
 
 
 def _add_pictures(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +103,6 @@ def _add_part(parser: argparse.ArgumentParser) -> None:
         metavar="DRAWING",
         help="DXF or GDSII file, with --workcell, in place of a task",
     )
-    parser.add_argument("--workcell", type=Path, help="workcell.yaml")
     parser.add_argument(
         "--target",
         metavar="KIND:LAYER",

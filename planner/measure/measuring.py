@@ -97,19 +97,19 @@ class PictureSeries:
             if isinstance(file, PictureError):
                 report_unusable(file, self.report)
                 continue
-            for page in pages_of(file, self._refused):
-                found = page if isinstance(page, PictureError) else self._found(page)
+            for page in pages_of(file, self.other_size):
+                found = page if isinstance(page, PictureError) else self.found_in(page)
                 if isinstance(found, PictureError):
                     report_unusable(found, self.report)
                 else:
                     yield found
 
-    def _refused(self, rows: int, columns: int) -> tuple[str, str] | None:
+    def other_size(self, rows: int, columns: int) -> tuple[str, str] | None:
         """Return why a picture of a size has no region, None if it has one."""
         found = region_of(self.look.case, (rows, columns), self.near)
         return None if isinstance(found, PictureRegion) else found
 
-    def _found(self, page: PictureCounts) -> MeasuredPicture | PictureError:
+    def found_in(self, page: PictureCounts) -> MeasuredPicture | PictureError:
         """Return what is in a picture, or why it cannot be used."""
         rows, columns = page.counts.shape
         region = region_of(self.look.case, (rows, columns), self.near)

@@ -46,18 +46,42 @@ def part_series(
         With the first finding, if the part cannot be read or measured.
     """
     report = report or Report()
+    try:
+        series = found_series(
+            call, report, chain=chain, focus_um=focus_um, bits=bits, preset=preset,
+            memo=memo,
+        )  # fmt: skip
+    except CallError as error:
+        raise ValueError(f"{error.code}: {error} {error.hint}".rstrip()) from error
+    if series is None:
+        first = next(f for f in report.found if f.severity in ("error", "infeasible"))
+        raise ValueError(f"{first.code}: {first.message} {first.hint}".rstrip())
+    return series
+
+
+def found_series(
+    call: PartCall,
+    report: Report,
+    *,
+    chain: Chain | None = None,
+    focus_um: float | None = None,
+    bits: int | None = None,
+    preset: Preset = "fast",
+    memo: Memo = EVERY_TIME,
+) -> PictureSeries | None:
+    """Return what `part_series` does; None, and findings, if it cannot be made.
+
+    Raises
+    ------
+    CallError
+        MP902, MP903 if the call leaves open what is to be measured.
+    """
     asked = PictureLookCall(
         step=STEP, chain=chain, magnification=call.magnification,
         focus_um=focus_um, preset=preset, alone=True,
     )  # fmt: skip
-    look = None
-    try:
-        task = part_task(call, report)
-        if task is not None:
-            look = picture_look(task, asked, report, memo)
-    except CallError as error:
-        raise ValueError(f"{error.code}: {error} {error.hint}".rstrip()) from error
+    task = part_task(call, report)
+    look = None if task is None else picture_look(task, asked, report, memo)
     if look is None:
-        first = next(f for f in report.found if f.severity in ("error", "infeasible"))
-        raise ValueError(f"{first.code}: {first.message} {first.hint}".rstrip())
+        return None
     return PictureSeries(look=look, near=call.near, bits=bits, report=report)

@@ -34,11 +34,11 @@ def cell_of(folder: Path) -> Path:
 
 @cache
 def chart() -> Floats:
-    """Return the light of a chart of 24 patches from dark to bright."""
-    shades = np.random.default_rng(3).uniform(0.05, 1.0, 24)
-    places = [(8 * i - 24, 9 * j - 18) for i in range(6) for j in range(4)]
+    """Return the light of a chart of 8 patches from dark to bright."""
+    shades = np.random.default_rng(3).uniform(0.05, 1.0, 8)
+    places = [(12 * i - 24, 18 * j - 18) for i in range(4) for j in range(2)]
     patches = tuple(
-        Body(shape=box(x, y, x + 7, y + 8), reflectance=float(shade))
+        Body(shape=box(x, y, x + 11, y + 16), reflectance=float(shade))
         for shade, (x, y) in zip(shades, places, strict=True)
     )
     return image(Scene(bodies=patches, background=0.02), LENS, SIZE, UM_PER_PX)

@@ -1,0 +1,140 @@
+"""A known part found in each picture of a series: where it is, how large it looks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+
+from microplan.arrays import BoolArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.planner.calibration.geometry.drawn_edges import (
+    TRUE_PX,
+    DrawnScale,
+    drawn_scale,
+    lone_points,
+)
+from microplan.planner.calibration.geometry.part_finder import PartFinder
+from microplan.planner.calibration.geometry.stage_fit import StageStop
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.readings import (
+    PictureReading,
+    PictureReadings,
+    readings_of_pages,
+)
+from microplan.planner.measure.measuring import MeasuredPicture
+from microplan.planner.measure.picture_files import PictureCounts, PictureError
+from microplan.planner.source.diagnostics import Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPlace:
+    """A part in one picture."""
+
+    reading: PictureReading
+    right_px: float  # from the middle of the picture
+    up_px: float
+    drawn: DrawnScale | None
+
+
+@dataclass(slots=True, kw_only=True)
+class PartPlaces:
+    """Places of a part as pictures are read; those without it are reported."""
+
+    finder: PartFinder
+    intake: PictureIntake
+    found: list[PartPlace] = field(default_factory=list)
+    corner_px: float = 0.0  # from the middle of a picture to its corner
+    _lone: BoolArray | None = None
+
+    def read(self, readings: PictureReadings) -> None:
+        """Find the part in the pictures of a table."""
+        for row, page in readings_of_pages(readings, self.intake):
+            measured = self.finder.found_in(page)
+            why = _refusal(measured)
+            if why or not isinstance(measured, MeasuredPicture):
+                self._refuse(page, why)
+                continue
+            rows, columns = page.counts.shape
+            self.corner_px = math.hypot(rows, columns) / 2
+            self.found.append(self._place(row, measured, (rows, columns)))
+
+    def _refuse(self, page: PictureCounts, why: str) -> None:
+        """Report a picture that does not show the part."""
+        message = f"{page.name} does not show the part: {why}"
+        hint = "is it the drawing's, whole in the field and in focus?"
+        where = Span(file=str(page.path))
+        self.intake.report.warning(CODE, where, message, hint)
+
+    def _place(
+        self, row: PictureReading, measured: MeasuredPicture, size: tuple[int, int]
+    ) -> PartPlace:
+        """Return where a part is in a picture of (rows, columns)."""
+        column, line = measured.column_px or 0.0, measured.row_px or 0.0
+        return PartPlace(
+            reading=row,
+            right_px=column - (size[1] - 1) / 2,
+            up_px=(size[0] - 1) / 2 - line,
+            drawn=self._drawn(measured),
+        )
+
+    def _drawn(self, measured: MeasuredPicture) -> DrawnScale | None:
+        """Return how large the part looks, None if the picture does not tell."""
+        case = measured.region.case
+        if self._lone is None:
+            self._lone = lone_points(case)
+        if measured.x_um is None or measured.y_um is None:
+            return None
+        at_px = case.frame.to_pixel(measured.x_um, measured.y_um)
+        turn = 0.0 if measured.turn_rad is None else measured.turn_rad - case.theta_rad
+        meant = nominal_render(case)(
+            dx_um=measured.x_um - case.x_um,
+            dy_um=measured.y_um - case.y_um,
+            theta_rad=turn,
+        )
+        theta = case.target.theta_rad + turn
+        return drawn_scale(case, measured.shown, meant, at_px, theta, self._lone)
+
+
+def _refusal(measured: MeasuredPicture | PictureError | None) -> str:
+    """Return why an answer is none, "" if it is one."""
+    if measured is None:
+        return "nothing in it looks as it does in others"
+    if isinstance(measured, PictureError):
+        return str(measured)
+    if measured.failure or measured.is_accepted:
+        return measured.failure
+    failed = [gate.name for gate in measured.gates if not gate.passed]
+    return f"its {' and '.join(failed)} did not pass"
+
+
+def stops_of(places: Sequence[PartPlace]) -> list[StageStop]:
+    """Return successive places of one stage reading as a stop each."""
+    return list(_stops(places))
+
+
+def _stops(places: Sequence[PartPlace]) -> Iterator[StageStop]:
+    def key(place: PartPlace) -> tuple[float, float, str]:
+        return (place.reading.x_um, place.reading.y_um, place.reading.group)
+
+    apart = all(p.drawn is not None and p.drawn.offset_apart for p in places)
+    for (x_um, y_um, _), group in groupby(places, key):
+        held = list(group)
+        seen = np.array([[place.right_px, place.up_px] for place in held])
+        right, up = seen.mean(axis=0).tolist()
+        squares = np.sum((seen - seen.mean(axis=0)) ** 2, axis=0).tolist()
+        drawn = [place.drawn for place in held if place.drawn is not None]
+        yield StageStop(
+            x_um=x_um,
+            y_um=y_um,
+            right_px=right,
+            up_px=up,
+            pictures=len(held),
+            scatter_px=(squares[0], squares[1]),
+            stretch=np.mean([d.stretch for d in drawn], axis=0) if apart else None,
+            offset_px=float(np.mean([d.offset_px for d in drawn])) if apart else 0.0,
+            true_share=TRUE_PX / drawn[0].reach_px if apart else 0.0,
+        )

@@ -1,0 +1,233 @@
+"""Image of a stage's readings, fitted to the places of a part in pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from microplan.arrays import BoolArray, FloatArray
+from microplan.planner.calibration.estimates import (
+    FEWEST_BLOCKS,
+    BlockEstimate,
+    Refused,
+    VectorEstimate,
+    jackknife_vector,
+)
+from microplan.planner.calibration.geometry.affine_scale import (
+    axes_of,
+    pitches,
+    scales,
+    stretch_of,
+)
+
+FEWEST_PLACES = 4  # of the stage: an affine map takes three
+_FLAT = 0.02  # of the longer side of the readings' cloud: it is a line
+_FEWEST_BENT = 9  # places that a distortion is fitted to
+_ROBUST = 3.0  # standard deviations beyond which a place counts less
+_ODD = 6.0  # times the median misfit: a stop to be looked at
+_LEAST_PX = 1e-4  # scale of residuals of pictures without noise
+_METHOD = "robust affine fit of places over stage readings, places left out in turn"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageStop:
+    """A part in pictures at one stop of the stage, the mean of its pictures."""
+
+    x_um: float  # readings
+    y_um: float
+    right_px: float  # of the picture's middle
+    up_px: float
+    pictures: int = 1
+    scatter_px: tuple[float, float] = (0.0, 0.0)  # sums of squares of the pictures
+    stretch: FloatArray | None = None  # by the drawing, (2, 2) px/um; None: not told
+    offset_px: float = 0.0  # of edges, outwards; 0 where the stretch is not told
+    true_share: float = 0.0  # of the stretch, by which images of the part may differ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageFit:
+    """A stage's readings in the image, and the drawing's scale beside them."""
+
+    names: tuple[str, ...]
+    numbers: VectorEstimate  # by names
+    # standard deviation of one stop's place about the fit, px, right and up
+    residual_px: tuple[BlockEstimate, BlockEstimate]
+    shake_px: tuple[float, float] | None  # of a picture while the stage rests
+    off: tuple[int, ...]  # stops far off all others
+
+    def one(self, name: str) -> BlockEstimate | None:
+        """Return one of the numbers, None if it is not told."""
+        return self.numbers.one(self.names.index(name)) if name in self.names else None
+
+    def matrix(self) -> FloatArray:
+        """Return the image of the readings, right and up over x and y, (2, 2) px/um."""
+        return self.numbers.values[:4].reshape(2, 2)
+
+
+_PLACES = ("right_x", "right_y", "up_x", "up_y", "pitch_x", "pitch_y", "skew")
+_DRAWN = (
+    "drawn_pitch_x", "drawn_pitch_y", "drawn_skew", "scale_x", "scale_y", "stage_skew",
+    "offset_px",
+)  # fmt: skip
+
+
+def fit_stage(stops: Sequence[StageStop], corner_px: float) -> StageFit | Refused:
+    """Return the image of a stage's readings.
+
+    Parameters
+    ----------
+    stops : sequence of StageStop
+        In any order; one reading may be gone to several times.
+    corner_px : float
+        From the middle of the picture to its corner.
+    """
+    why = _unfit(stops)
+    if why:
+        take = "one part at six places of the stage or more, over all of the field"
+        return Refused(what="scale of the stage", why=why, take=take)
+    bent = len(stops) >= _FEWEST_BENT and _bends(stops, corner_px)
+    drawn = all(stop.stretch is not None for stop in stops)
+
+    def numbers(some: Sequence[StageStop]) -> FloatArray:
+        solved = _solved(some, corner_px, bent=bent)
+        matrix = solved[:4].reshape(2, 2)
+        found = [solved[:4], pitches(stretch_of(matrix))]
+        found += [_by_drawing(some, matrix)] if drawn else []
+        return np.concatenate([*found, solved[6:] if bent else solved[:0]])
+
+    named = (*_PLACES, *(_DRAWN if drawn else ()), *(("distortion",) if bent else ()))
+    off = _misfits(_solved(stops, corner_px, bent=bent), _rows(stops), corner_px)
+    found = jackknife_vector(numbers, stops, method=_METHOD)
+    return StageFit(
+        names=named,
+        numbers=_with_trueness(found, named, stops[0].true_share),
+        residual_px=(_scatter(off[:, 0], 3 + bent / 2), _scatter(off[:, 1], 3)),
+        shake_px=_shake(stops),
+        off=tuple(np.flatnonzero(_far(off)).tolist()),
+    )
+
+
+def _with_trueness(
+    found: VectorEstimate, names: Sequence[str], share: float
+) -> VectorEstimate:
+    """Return numbers with what no number of pictures takes off those by the drawing."""
+    if found.covariance is None:
+        return found
+    covariance = found.covariance.copy()
+    for name in set(_DRAWN[:6]) & set(names):
+        at = names.index(name)
+        size = 1.0 if name.endswith("skew") else float(found.values[at])
+        covariance[at, at] += (share * size) ** 2
+    return replace(found, covariance=covariance)
+
+
+def _by_drawing(stops: Sequence[StageStop], matrix: FloatArray) -> FloatArray:
+    """Return the drawing's pitches, the stage's scales by it, and the offset, (7,)."""
+    known = [stop.stretch for stop in stops if stop.stretch is not None]
+    stretch = np.asarray(np.mean(known, axis=0))
+    offset = [float(np.mean([stop.offset_px for stop in stops]))]
+    stage = scales(axes_of(matrix, stretch))
+    return np.concatenate([pitches(stretch), stage, offset])
+
+
+def _unfit(stops: Sequence[StageStop]) -> str:
+    """Return why stops tell no scale, "" if they do."""
+    readings = np.array([[stop.x_um, stop.y_um] for stop in stops]).reshape(-1, 2)
+    count = len(np.unique(readings, axis=0))
+    if count < FEWEST_PLACES:
+        return f"{count} places of the stage, {FEWEST_PLACES} are needed"
+    sides = np.linalg.svd(readings - readings.mean(axis=0), compute_uv=False)
+    if sides[1] < _FLAT * sides[0]:
+        return "all stage readings lie on a line"
+    return ""
+
+
+def _rows(stops: Sequence[StageStop]) -> FloatArray:
+    """Return readings and places, (N, 4)."""
+    return np.array([[s.x_um, s.y_um, s.right_px, s.up_px] for s in stops])
+
+
+def _misfits(numbers: FloatArray, rows: FloatArray, corner_px: float) -> FloatArray:
+    """Return by how much places are off, (N, 2) px.
+
+    `numbers` (7,): the matrix by rows, place at reading 0, distortion at the corner.
+    """
+    seen = rows[:, 2:]
+    radial = np.sum(seen**2, axis=1, keepdims=True) / corner_px**2
+    meant = rows[:, :2] @ numbers[:4].reshape(2, 2).T + numbers[4:6]
+    found: FloatArray = seen * (1 - numbers[6] * radial) - meant
+    return found
+
+
+def _solved(stops: Sequence[StageStop], corner_px: float, *, bent: bool) -> FloatArray:
+    """Return the numbers (7,) of `_misfits` that suit stops best."""
+    rows, free = _rows(stops), 7 if bent else 6
+    middle = rows[:, :2].mean(axis=0)
+    span = max(float(np.ptp(rows[:, :2])), 1e-9)
+    rows[:, :2] = (rows[:, :2] - middle) / span  # numbers of one size
+    zero = _misfits(np.zeros(7), rows, corner_px).ravel()
+    slopes = [_misfits(each, rows, corner_px).ravel() - zero for each in np.eye(7)]
+    design = np.stack(slopes[:free], axis=1)  # misfits are linear in the numbers
+    first = np.linalg.lstsq(design, -zero, rcond=None)[0]
+    usual = 1.4826 * float(np.median(np.abs(zero + design @ first)))
+
+    def misfits(some: FloatArray) -> FloatArray:
+        return np.asarray(zero + design @ some)
+
+    def slopes_of(_: FloatArray) -> FloatArray:
+        return design
+
+    scale = _ROBUST * max(usual, _LEAST_PX)
+    best = least_squares(misfits, first, jac=slopes_of, loss="soft_l1", f_scale=scale)
+    found = np.concatenate([best.x, np.zeros(7 - free)])
+    found[:4] /= span
+    found[4:6] -= found[:4].reshape(2, 2) @ middle
+    return found
+
+
+def _bends(stops: Sequence[StageStop], corner_px: float) -> bool:
+    """Return whether stops left out are foretold better with a distortion."""
+    rows, errors = _rows(stops), np.zeros(2)
+    for left in range(len(stops)):
+        kept = [*stops[:left], *stops[left + 1 :]]
+        for k, bent in enumerate((False, True)):
+            numbers = _solved(kept, corner_px, bent=bent)
+            off = _misfits(numbers, rows[left : left + 1], corner_px)
+            errors[k] += float(np.sum(off**2))
+    return bool(errors[1] < errors[0])
+
+
+def _scatter(off: FloatArray, taken: float) -> BlockEstimate:
+    """Return the standard deviation of one stop's place, px.
+
+    Of residuals (N,) of a fit that takes so many numbers of an axis; its own deviation
+    is that of a normal one.
+    """
+    free = max(len(off) - taken, 1.0)
+    value = math.sqrt(float(np.sum(off**2)) / free)
+    known = len(off) >= FEWEST_BLOCKS
+    return BlockEstimate(
+        value=value,
+        sigma=value / math.sqrt(2 * free) if known else None,
+        method="scatter of places about the fit",
+        blocks=len(off),
+    )
+
+
+def _far(off: FloatArray) -> BoolArray:
+    """Return whether each place is far off all others, (N,)."""
+    size = np.hypot(off[:, 0], off[:, 1])
+    return np.asarray(size > _ODD * max(float(np.median(size)), _LEAST_PX))
+
+
+def _shake(stops: Sequence[StageStop]) -> tuple[float, float] | None:
+    """Return the standard deviation of pictures of one stop, px; None: not told."""
+    free = sum(stop.pictures - 1 for stop in stops)
+    if not free:
+        return None
+    right, up = np.sum([stop.scatter_px for stop in stops], axis=0).tolist()
+    return math.sqrt(right / free), math.sqrt(up / free)

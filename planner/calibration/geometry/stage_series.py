@@ -1,0 +1,238 @@
+"""Stage moves of a known part: pitch, skew, distortion and axes as workcell lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationCurve,
+    CalibrationSeries,
+    PictureSource,
+    single,
+)
+from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.geometry.affine_scale import (
+    axes_of,
+    stretch_of,
+)
+from microplan.planner.calibration.geometry.part_places import PartPlaces, stops_of
+from microplan.planner.calibration.geometry.stage_fit import (
+    StageFit,
+    StageStop,
+    fit_stage,
+)
+from microplan.planner.calibration.picture_intake import CODE
+from microplan.planner.calibration.readings import PictureReadings
+from microplan.planner.source.diagnostics import Span
+
+_SIGNIFICANT = 3.0  # standard deviations
+
+
+def stage_axes(
+    readings: PictureReadings, places: PartPlaces
+) -> CalibrationSeries | None:
+    """Return what stage moves of a part tell, None if too little.
+
+    Parameters
+    ----------
+    readings : PictureReadings
+        With stage readings of each picture.
+    places : PartPlaces
+        New; its report receives MP901, MP904 and MP905.
+    """
+    report, where = places.intake.report, Span(file=str(readings.file))
+    places.read(readings)
+    if report.failed or not places.intake.fits(0, where):
+        return None
+    if 2 * len(places.found) < places.intake.taken:
+        message = (
+            f"the part is in {len(places.found)} of {places.intake.taken} pictures"
+        )
+        hint = "is it the part of --part, in focus and whole in each picture?"
+        report.error(CODE, where, message, hint)
+        return None
+    stops = stops_of(places.found)
+    fit = fit_stage(stops, places.corner_px)
+    if isinstance(fit, Refused):
+        message = f"no {fit.what}: {fit.why}"
+        report.error(CODE, where, message, f"photograph {fit.take}")
+        return None
+    scope = places.finder.series.look.case.microscope
+    source = PictureSource(pictures=places.intake.taken, sha256=places.intake.digest)
+    values = [*_pitches(fit, scope, source), *_stage(fit, source)]
+    _doubts(fit, stops, values, places, where)
+    return CalibrationSeries(
+        heading=f"scale in {source.pictures} pictures at {len(stops)} stage positions",
+        values=tuple(values),
+        notes=tuple(_words(fit, places)),
+        curves={"residuals": _residuals(fit, stops)},
+    )
+
+
+def _ruler(fit: StageFit) -> str:
+    """Return the prefix of the pitches that are taken: the drawing's where told."""
+    return "drawn_" if fit.one("drawn_pitch_x") is not None else ""
+
+
+def _pitches(
+    fit: StageFit, scope: Microscope, source: PictureSource
+) -> Iterator[CalibratedValue]:
+    """Yield pitches in the object, and the sensor's."""
+    ruler, stated = _ruler(fit), scope.um_per_px
+    units = {"pitch_x": "um", "pitch_y": "um", "skew": "rad"}
+    method = "edges against the drawing" if ruler else "stage readings"
+    pair = []
+    for name, unit in units.items():
+        found = fit.one(ruler + name)
+        if found is None:
+            continue
+        known = None if name == "skew" else stated
+        value = single(f"{name}_{unit}", found, source, unit=unit, stated=known)
+        pair.append(found)
+        yield _by(value, method)
+    yield _sensor(pair[0], pair[1], scope, source, method)
+    if ruler:
+        for name, unit in units.items():
+            found = fit.one(name)
+            if found is not None:
+                key = f"{name}_by_stage_{unit}"
+                yield _by(single(key, found, source, unit=unit), "stage readings")
+    if (bent := fit.one("distortion")) is not None:
+        at = ("optics", "distortion")
+        yield single("distortion", bent, source, where=at, stated=0.0)
+    if (offset := fit.one("offset_px")) is not None:
+        scaled = _scaled(offset, stated, "edges seen, outwards from those drawn")
+        yield single("edge_offset_um", scaled, source, unit="um", stated=0.0)
+
+
+def _scaled(found: BlockEstimate, factor: float, method: str) -> BlockEstimate:
+    """Return an estimate in another unit."""
+    return BlockEstimate(
+        value=found.value * factor,
+        sigma=None if found.sigma is None else found.sigma * factor,
+        method=method,
+        blocks=found.blocks,
+    )
+
+
+def _by(value: CalibratedValue, method: str) -> CalibratedValue:
+    """Return a value with what measured it in front of its method."""
+    return replace(value, method=f"{method}; {value.method}")
+
+
+def _sensor(
+    x: BlockEstimate,
+    y: BlockEstimate,
+    scope: Microscope,
+    source: PictureSource,
+    method: str,
+) -> CalibratedValue:
+    """Return the sensor's size: square pixels at the stated magnification."""
+    pitch = math.sqrt(x.value * y.value) * scope.magnification
+    sigma = None
+    if x.sigma is not None and y.sigma is not None:
+        sigma = pitch / 2 * math.hypot(x.sigma / x.value, y.sigma / y.value)
+    width, height = (pitch * count for count in (scope.width_px, scope.height_px))
+    return CalibratedValue(
+        key="sensor_um",
+        value=pitch,
+        sigma=(sigma,),
+        unit="um a pixel",
+        method=f"{method}; at a magnification of {scope.magnification:g}",
+        source=source,
+        where=("camera", "sensor_um"),
+        text=f"[{width:.10g}, {height:.10g}]",
+        stated=scope.pitch_um,
+    )
+
+
+def _stage(fit: StageFit, source: PictureSource) -> Iterator[CalibratedValue]:
+    """Yield the stage's scales by the drawing, and its noise."""
+    for name, key, unit in (
+        ("scale_x", "stage_scale_x", "1"), ("scale_y", "stage_scale_y", "1"),
+        ("stage_skew", "stage_skew_rad", "rad"),
+    ):  # fmt: skip
+        found = fit.one(name)
+        if found is not None:
+            known = 0.0 if unit == "rad" else 1.0
+            yield _by(
+                single(key, found, source, unit=unit, stated=known),
+                "readings against the drawing",
+            )
+    pitch = [fit.one(_ruler(fit) + name) for name in ("pitch_x", "pitch_y")]
+    for axis, noise, um in zip("xy", fit.residual_px, pitch, strict=True):
+        if um is not None:
+            scaled = _scaled(noise, um.value, noise.method)
+            yield single(f"stage_noise_{axis}_um", scaled, source, unit="um")
+
+
+def _doubts(
+    fit: StageFit,
+    stops: Sequence[StageStop],
+    values: Sequence[CalibratedValue],
+    places: PartPlaces,
+    where: Span,
+) -> None:
+    """Report what the workcell has no line for, and stops far off."""
+    report, by_key = places.intake.report, {value.key: value for value in values}
+    for k in fit.off:
+        message = f"the stop at {stops[k].x_um:g}, {stops[k].y_um:g} um lies far off "
+        message += "the others"
+        hint = "was the part moved, or the stage still on its way?"
+        report.warning(CODE, where, message, hint)
+    x, y = by_key["pitch_x_um"], by_key["pitch_y_um"]
+    sigma = math.hypot(x.sigma[0] or math.inf, y.sigma[0] or math.inf)
+    wide, high = (v.value for v in (x, y) if isinstance(v.value, float))
+    if abs(wide - high) > _SIGNIFICANT * sigma:
+        message = f"pixels are {wide:.6g} um wide and {high:.6g} high; a workcell has "
+        message += "square ones: their mean is taken"
+        report.warning(CODE, where, message, "resample the pictures to square ones")
+
+
+def _words(fit: StageFit, places: PartPlaces) -> Iterator[str]:
+    """Yield ruler, axes and vibration in words."""
+    stretch = stretch_of(fit.matrix())
+    if _ruler(fit):
+        yield "the ruler is the drawing: the part has edges of several features"
+        yield from _agreement(fit)
+        drawn = [fit.one(f"drawn_{name}") for name in ("pitch_x", "pitch_y", "skew")]
+        x, y, skew = (each.value for each in drawn if each is not None)
+        slant = skew * (1 / x + 1 / y) / 4
+        stretch = np.array([[1 / x, slant], [slant, 1 / y]])
+    else:
+        yield (
+            "the ruler is the stage: one outline without others inside or beside it "
+            "does not tell the drawing's scale apart from an offset of its edges"
+        )
+    (a, b), (c, d) = axes_of(fit.matrix(), stretch).tolist()
+    yield f"station: camera_from_stage = [[{a:.6f}, {b:.6f}], [{c:.6f}, {d:.6f}]]"
+    if fit.shake_px is not None:
+        um = places.finder.series.look.case.microscope.um_per_px
+        right, up = (um * value for value in fit.shake_px)
+        yield f"at rest pictures vary by {right:.2g} um in x, {up:.2g} um in y"
+
+
+def _agreement(fit: StageFit) -> Iterator[str]:
+    """Yield how drawing and stage agree, in standard deviations."""
+    for name in ("scale_x", "scale_y"):
+        found = fit.one(name)
+        if found is not None and found.sigma:
+            off, pull = found.value - 1, abs(found.value - 1) / found.sigma
+            words = f"stage against drawing, {name[-1]}: {off:+.2g}"
+            yield f"{words}, {pull:.2g} standard deviations"
+
+
+def _residuals(fit: StageFit, stops: Sequence[StageStop]) -> CalibrationCurve:
+    """Return each stop's misfit against its reading's distance along x, px."""
+    rows = np.array([[s.x_um, s.y_um, s.right_px, s.up_px] for s in stops])
+    meant = rows[:, :2] @ fit.matrix().T
+    off = rows[:, 2:] - meant
+    off -= np.median(off, axis=0)
+    pairs = zip(rows[:, 0].tolist(), np.hypot(*off.T).tolist(), strict=True)
+    return CalibrationCurve(points=list(pairs))
