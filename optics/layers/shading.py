@@ -21,7 +21,7 @@ from microplan.optics.layers.coaxial_light import (
     irradiances,
     pixel_axes_um,
 )
-from microplan.optics.layers.joint_light import joint_light
+from microplan.optics.layers.joint_light import LightChange, joint_light
 from microplan.optics.layers.mirrors.images import free_of_images, mirror_images
 from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
@@ -157,6 +157,8 @@ def _image(
     ]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
+    if sampling.rays == 0:
+        return image
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
     few = min(sampling.rays, sampling.rays**1.5)  # only mirrored rays end out there
     far_light = partial(
@@ -196,17 +198,26 @@ def _shaded(
     shaded = {}
     for each in found:
         if each.shades:
-            area = area_um(m, view.frame, view.shift_um, each.z_um - view.focus_um)
-            joint = joint_light(
-                layers, each, m, lamp_aperture=lamp_aperture, area=area,
-                finer=view.rays,
-            )  # fmt: skip
-            seen_um = m.blur_diameter_um(each.z_um - view.focus_um) / 2
-            lamp = replace(m, aperture=lamp_aperture)
-            walls = solid_light(layers, each.z_um, area, seen_um, lamp, finer=view.rays)
-            changes = [change for change in (joint, walls) if change is not None]
+            changes = _light_changes(view, layers, each, lamp_aperture)
             shaded[each.z_um] = view.face(each, changes)
     return shaded
+
+
+def _light_changes(
+    view: ShadedView, layers: Sequence[Layer], light: Irradiance, lamp_aperture: float
+) -> list[LightChange]:
+    """Return what rays add to the product of shades at a height."""
+    if view.rays == 0:
+        return []
+    m, away_um = view.microscope, light.z_um - view.focus_um
+    area = area_um(m, view.frame, view.shift_um, away_um)
+    joint = joint_light(
+        layers, light, m, lamp_aperture=lamp_aperture, area=area, finer=view.rays
+    )
+    seen_um = m.blur_diameter_um(away_um) / 2
+    lamp = replace(m, aperture=lamp_aperture)
+    walls = solid_light(layers, light.z_um, area, seen_um, lamp, finer=view.rays)
+    return [change for change in (joint, walls) if change is not None]
 
 
 def _with_images(

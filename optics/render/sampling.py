@@ -96,6 +96,20 @@ def pixel_gain(
     return across, along
 
 
+def halo_gain(
+    microscope: Microscope, tile: Tile, orders: tuple[int, int]
+) -> FloatArray:
+    """Return the transfer [1] of a lens' halo at orders, (K + 1, J + 1)."""
+    radius_um, share = microscope.halo or (0.0, 0.0)
+    waves = 2 * (np.pi * radius_um) ** 2
+    across, along = (
+        np.exp(-waves * (np.arange(most + 1) / side_um) ** 2)
+        for most, side_um in zip(orders, (tile.width_um, tile.height_um), strict=True)
+    )
+    found: FloatArray = 1 - share + share * along[:, None] * across
+    return found
+
+
 def _cubics(table: RadialTable) -> FloatArray:
     """Return (N + 1, 4) cubics by shares of a step, zeros for one before the first."""
     steps = np.zeros((table.pieces.shape[1] + 1, 4))
@@ -126,7 +140,8 @@ class Sampling:
     # the margin beyond it is made up for by `microplan.optics.render.far_field`
     near: float = NEAR
     # so many times closer than usual are points from which rays past walls are traced;
-    # below 1 there are fewer rays of each, and past several bodies, too
+    # below 1 there are fewer rays of each, and past several bodies, too; with 0 there
+    # are none, for differences of images that all get the same of them
     rays: float = 1.0
     # as `rays`, of the points alone from which walls are seen; None: as that says
     walls: float | None = None
@@ -134,7 +149,8 @@ class Sampling:
     def __post_init__(self) -> None:
         for name in ("band_error", "margin", "near", "rays", "walls"):
             value = getattr(self, name)
-            if value is not None and not (value > 0 and math.isfinite(value)):
+            least = 0.0 if name == "rays" else math.nextafter(0.0, 1.0)
+            if value is not None and not (least <= value < math.inf):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
 
 

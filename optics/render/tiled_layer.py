@@ -24,6 +24,7 @@ from microplan.optics.render.sampling import (
     Quadrant,
     Sampling,
     band_cut,
+    halo_gain,
     margin_um,
     pixel_gain,
 )
@@ -183,6 +184,9 @@ class TiledLayer:
         across, along = pixel_gain(view.setting, self.spectrum.tile, (J, K))
         np.multiply(gain, across, out=gain, casting="same_kind")
         np.multiply(gain, along[:, None], out=gain, casting="same_kind")
+        if view.microscope.halo is not None:
+            halo = halo_gain(view.setting, self.spectrum.tile, (J, K))
+            np.multiply(gain, halo, out=gain, casting="same_kind")
         return gain
 
     def _table(self, view: ImageView) -> tuple[RadialTable, float]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 Terms = tuple[tuple[int, float], ...]  # Noll's index, waves rms over the pupil
+Halo = tuple[float, float]  # um, the standard deviation of a Gaussian; share of light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,7 @@ class Microscope:
     lamp_aperture: float | None = None
     # what the lens' wavefront lacks of a sphere; an image in focus is where it was
     wavefront: Terms = ()
+    halo: Halo | None = None  # into which glass and glue scatter a share of the light
 
     def __post_init__(self) -> None:
         names = ("aperture", "wavelength_um", "medium_index", "magnification")
@@ -40,6 +42,10 @@ class Microscope:
             raise ValueError(f"lamp_aperture must be > 0, got {self.lamp_aperture}")
         if not all(math.isfinite(waves) for _, waves in self.wavefront):
             raise ValueError(f"wavefront must be finite, got {self.wavefront}")
+        if self.halo is not None and not (self.halo[0] > 0 and 0 <= self.halo[1] < 1):
+            raise ValueError(
+                f"halo must be um > 0 and a share of 0..1, got {self.halo}"
+            )
         if self.fill_factor > 1:
             raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
 

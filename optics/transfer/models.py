@@ -177,6 +177,7 @@ def tabulate(
         height_px=1,
         fill_factor=1.0,
         wavefront=(),
+        halo=None,
     )
     return _tabulate(model, eyeless, z_um, x_max)
 

@@ -139,6 +139,7 @@ def _eyeless(microscope: Microscope) -> Microscope:
         width_px=1,
         height_px=1,
         fill_factor=1.0,
+        halo=None,
     )
 
 

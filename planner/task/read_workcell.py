@@ -21,6 +21,7 @@ from microplan.planner.task.light.read_light import read_coherence, read_light
 from microplan.planner.task.workcell import (
     DiscrepancyShares,
     Focus,
+    HaloSpec,
     Interval,
     Optics,
     Robot,
@@ -141,6 +142,7 @@ def _optics(raw: Mapping[str, Any], coherence: Coherence | None) -> Optics:
         focus=from_data(Focus, raw["focus"]),
         lens=_lens(raw, _held(apertures, float(low), float(high))),
         wavefront=read_wavefront(raw),
+        halo=from_data(HaloSpec, raw["halo"]) if "halo" in raw else None,
     )
 
 

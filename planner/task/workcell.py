@@ -61,6 +61,14 @@ class WavefrontSpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HaloSpec:
+    """The share of all light that an objective scatters around each point."""
+
+    radius_um: float  # standard deviation of a Gaussian
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Optics:
     """The microscope: zoom range, aperture by zoom, light and drives."""
 
@@ -73,6 +81,7 @@ class Optics:
     focus: Focus
     lens: LensErrors  # without the light's gradient and edge offsets
     wavefront: WavefrontSpec = WavefrontSpec()
+    halo: HaloSpec | None = None  # None: not stated
 
     def aperture(self, magnification: float) -> float:
         """Return the aperture at `magnification`, that of the nearest row beyond all.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,14 @@ from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Terms
 from microplan.optics.transfer.otf import diffraction
 from microplan.planner.assembly.assembly import Body
+from microplan.planner.looks.model_errors.halo_ends import HALO, halo_ends
 from microplan.planner.looks.model_errors.wavefront_ends import (
     UNKNOWN,
     WAVEFRONT,
     known_wavefront,
     unknown_wavefronts,
 )
-from microplan.planner.task.workcell import WavefrontSpec
+from microplan.planner.task.workcell import HaloSpec, WavefrontSpec
 from microplan.planner.views.light.unknown_walls import by_layer
 
 LAYERS, SHADE = "layers of different height", "shade of higher bodies"
@@ -68,6 +70,7 @@ def better_models(
     effects: Collection[str],
     bodies: Sequence[Body],
     wavefront: WavefrontSpec,
+    halo: HaloSpec | None = None,
 ) -> tuple[BetterModel, ...]:
     """Return the better models of effects; those that have none are in none of them.
 
@@ -79,7 +82,7 @@ def better_models(
         Rows of its ledger that are above their limits.
     bodies : sequence of Body
         All that is in the world, with what is known of walls and faces.
-    wavefront : WavefrontSpec
+    wavefront, halo : WavefrontSpec, HaloSpec or None
         What is known of the objective.
     """
     rows: tuple[tuple[tuple[str, ...], Callable[[], BetterModel | None]], ...] = (
@@ -91,6 +94,7 @@ def better_models(
         ((FINISH,), lambda: _finish(case, bodies)),
         ((WAVEFRONT,), lambda: _aberrated(case, wavefront)),
         ((UNKNOWN,), lambda: _unstated(case, wavefront)),
+        ((HALO,), lambda: _with_halo(case, halo)),
     )
     wanted = (make() for names, make in rows if any(n in effects for n in names))
     return tuple(found for found in wanted if found is not None)
@@ -196,26 +200,48 @@ def _aberrated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
 def _unstated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
     """Return the look with each term of coma and trefoil that may be there."""
     plain = _blended(case)
-    known = replace(plain.microscope, wavefront=known_wavefront(stated))
     return BetterModel(
         effects=(UNKNOWN,),
         by="a pupil with coma along x and y, and with trefoil",
         ends=tuple(_through(plain, each) for each in unknown_wavefronts(stated)),
-        against=replace(plain, microscope=known),
+        against=_seen_by(plain, wavefront=known_wavefront(stated)),
         is_either_way=True,
+    )
+
+
+def _with_halo(case: LookCase, stated: HaloSpec | None) -> BetterModel:
+    """Return the look with the halo that is stated, or without one and with most."""
+    plain = _blended(case)
+    return BetterModel(
+        effects=(HALO,),
+        by="a Gaussian halo",
+        ends=tuple(
+            ImageModel(cases=((1.0, _seen_by(plain, halo=halo)),))
+            for halo in halo_ends(stated, plain.microscope)
+        ),
+        against=plain,
     )
 
 
 def _through(case: LookCase, wavefront: Terms) -> ImageModel:
     """Return a look through a lens with a wavefront error."""
-    scope = replace(case.microscope, wavefront=wavefront)
-    return ImageModel(cases=((1.0, replace(case, microscope=scope)),))
+    return ImageModel(cases=((1.0, _seen_by(case, wavefront=wavefront)),))
+
+
+def _seen_by(case: LookCase, **changed: Any) -> LookCase:
+    """Return a look through another lens."""
+    return replace(case, microscope=replace(case.microscope, **changed))
 
 
 def _blended(case: LookCase) -> LookCase:
-    """Return a look that is blended from layers: rays know no waves."""
+    """Return a look that is blended from layers alone: rays know no waves.
+
+    What rays add is nearly the same through both lenses.
+    """
     plain = flat(case)
-    return replace(plain, treatment="joint") if case.treatment == "occluded" else plain
+    if case.treatment == "occluded":
+        plain = replace(plain, treatment="joint")
+    return replace(plain, sampling=replace(plain.sampling, rays=0.0))
 
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:

@@ -18,6 +18,7 @@ from microplan.optics.outline.tolerant_order import above
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.model_errors.better_models import CHARGED, FINISH
 from microplan.planner.looks.model_errors.charged_chains import ChargedChains
+from microplan.planner.looks.model_errors.halo_ends import halo_row
 from microplan.planner.looks.model_errors.wavefront_ends import wavefront_rows
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
@@ -41,8 +42,9 @@ def effect_rows(
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
     found = tuple(p.EffectRow(**asdict(row)) for row in rows)
-    limit, stated = tried.fidelity.limit, task.workcell.optics.wavefront
-    return (*found, finish_row(limit), *wavefront_rows(stated, limit))
+    limit, lens = tried.fidelity.limit, task.workcell.optics
+    unknown = wavefront_rows(lens.wavefront, limit)
+    return (*found, finish_row(limit), *unknown, halo_row(lens.halo, limit))
 
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:

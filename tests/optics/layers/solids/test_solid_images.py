@@ -305,9 +305,28 @@ def test_rays_are_the_same_however_many_are_traced_at_once(
     np.testing.assert_array_equal(few_rays(scene, focus_um), whole)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+@pytest.mark.parametrize("focus_um", [100.0, 60.0])
+def test_what_a_lens_changes_needs_no_rays(focus_um: float) -> None:
+    """Coma moves faces; what these hide and shade together is nearly the same."""
+    scene, both = seated(0.0, 0.0, flat=True), []
+    for rays in (0.0, 1.0):
+        plain, moved = (
+            render_coaxial(
+                scene, replace(OPTICS, wavefront=terms), focus_um=focus_um,
+                lamp_aperture=LAMP, window=WINDOW, sampling=Sampling(rays=rays),
+            )
+            for terms in ((), ((8, 0.05),))
+        )  # fmt: skip
+        both.append(moved - plain)
+    without, whole = both
+    assert np.abs(whole).max() > 2e-3
+    assert np.std(without - whole) < 0.05 * np.std(whole)
+
+
+@pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
 def test_no_points_are_no_sampling(value: float) -> None:
     with pytest.raises(ValueError, match="rays"):
         Sampling(rays=value)
-    with pytest.raises(ValueError, match="walls"):
-        Sampling(walls=value)
+    for walls in (value, 0.0):
+        with pytest.raises(ValueError, match="walls"):
+            Sampling(walls=walls)
