@@ -117,14 +117,16 @@ class TiledLayer:
         if self._defocus_um(view) > most_defocus_um(view.setting):
             return found  # no edge that an answer hangs on
         tile, up = self.spectrum.tile, np.r_[0 : K + 1, -K:0]
-        u, v = np.arange(J + 1) / tile.width_um, up[:, None] / tile.height_um
+        u, v = np.arange(J + 1) / tile.width_um, up / tile.height_um
         change = transfer_change(view.setting, self._side_um(view), u, v)
         across, along = pixel_gain(view.setting, tile, (J, K))
         change *= across * along[np.abs(up), None]
         found += (self.values[up, : J + 1] * change).astype(found.dtype)
         x_um, y_um = disc_shift_um(view.setting)
-        ramp = np.exp(2j * np.pi * (u * x_um + v * y_um))
-        return np.asarray(found * ramp.astype(found.dtype))
+        right, rise = np.exp(2j * np.pi * u * x_um), np.exp(2j * np.pi * v * y_um)
+        found *= right.astype(found.dtype)
+        found *= rise.astype(found.dtype)[:, None]
+        return found
 
     def _at_places(
         self,
