@@ -21,11 +21,10 @@ from microplan.optics.layers.coaxial_light import (
     irradiances,
     pixel_axes_um,
 )
-from microplan.optics.layers.joint_light import LightChange, joint_light
 from microplan.optics.layers.mirrors.images import free_of_images, mirror_images
 from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
-from microplan.optics.layers.solids.light_change import solid_light, solid_share
+from microplan.optics.layers.solids.light_change import light_changes, solid_share
 from microplan.optics.layers.wall_view import wall_residual
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
@@ -198,26 +197,14 @@ def _shaded(
     shaded = {}
     for each in found:
         if each.shades:
-            changes = _light_changes(view, layers, each, lamp_aperture)
+            away_um = each.z_um - view.focus_um
+            changes = light_changes(
+                layers, each, replace(m, aperture=lamp_aperture),
+                area=area_um(m, view.frame, view.shift_um, away_um),
+                seen_um=m.blur_diameter_um(away_um) / 2, finer=view.rays,
+            )  # fmt: skip
             shaded[each.z_um] = view.face(each, changes)
     return shaded
-
-
-def _light_changes(
-    view: ShadedView, layers: Sequence[Layer], light: Irradiance, lamp_aperture: float
-) -> list[LightChange]:
-    """Return what rays add to the product of shades at a height."""
-    if view.rays == 0:
-        return []
-    m, away_um = view.microscope, light.z_um - view.focus_um
-    area = area_um(m, view.frame, view.shift_um, away_um)
-    joint = joint_light(
-        layers, light, m, lamp_aperture=lamp_aperture, area=area, finer=view.rays
-    )
-    seen_um = m.blur_diameter_um(away_um) / 2
-    lamp = replace(m, aperture=lamp_aperture)
-    walls = solid_light(layers, light.z_um, area, seen_um, lamp, finer=view.rays)
-    return [change for change in (joint, walls) if change is not None]
 
 
 def _with_images(

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.joint_light import LightChange
+from microplan.optics.layers.coaxial_light import Irradiance
+from microplan.optics.layers.joint_light import LightChange, joint_light
 from microplan.optics.layers.lattice import Area, Lattice
 from microplan.optics.layers.solids.mirrored_rays import RayEnd, first_met, mirrored
 from microplan.optics.layers.solids.solid_bodies import (
@@ -27,6 +28,28 @@ from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
 _FINEST_UM, _A_BLUR, _SIDE = 6.0, 8, 40  # of points at which light is traced
+
+
+def light_changes(
+    layers: Sequence[Layer],
+    light: Irradiance,
+    lamp: Microscope,
+    *,
+    area: Area,
+    seen_um: float,
+    finer: float = 1.0,
+) -> list[LightChange]:
+    """Return all that rays add to the product of shades at a height.
+
+    `light` is that product; else arguments are as in `solid_light`.
+    """
+    if finer == 0:
+        return []
+    joint = joint_light(
+        layers, light, lamp, lamp_aperture=lamp.aperture, area=area, finer=finer
+    )
+    walls = solid_light(layers, light.z_um, area, seen_um, lamp, finer=finer)
+    return [change for change in (joint, walls) if change is not None]
 
 
 def solid_light(
