@@ -113,7 +113,8 @@ class TiledLayer:
         Counted from where the lens shows the middle of a large disc in focus: what
         moves everything alike a calibrated camera takes off.
         """
-        found, (K, J) = weigh(self.values, gain), (size - 1 for size in gain.shape)
+        K, J = (size - 1 for size in gain.shape)
+        found: Coefficients = weigh(self.values, gain)
         if self._defocus_um(view) > most_defocus_um(view.setting):
             return found  # no edge that an answer hangs on
         tile, up = self.spectrum.tile, np.r_[0 : K + 1, -K:0]
