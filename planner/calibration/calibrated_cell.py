@@ -21,6 +21,7 @@ from microplan.planner.calibration.readings import (
     PictureReadings,
     read_readings,
 )
+from microplan.planner.calibration.through_focus.focus_series import focus_axis
 from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.measure.part_task import PartCall
 from microplan.planner.measure.picture_files import PictureError, files_of
@@ -87,6 +88,10 @@ def _with_readings(
     finder = part_finder(readings, call.part, call.bits, report, call.memo)
     if finder is None:
         return None
+    if readings.kind == "focus":
+        aperture = call.cell.source.get("optics", "numerical_aperture")
+        stated = float(aperture) if isinstance(aperture, int | float) else None
+        return focus_axis(readings, finder, intake, stated)
     return stage_axes(readings, PartPlaces(finder=finder, intake=intake))
 
 

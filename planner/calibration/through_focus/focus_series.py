@@ -1,0 +1,186 @@
+"""Focus steps of a known part: aperture, zero and step as workcell lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationCurve,
+    CalibrationSeries,
+    PictureSource,
+    single,
+)
+from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.geometry.part_finder import PartFinder
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
+from microplan.planner.calibration.through_focus.edge_profile import (
+    EdgePoints,
+    across_px,
+    mean_profile,
+    points_seen,
+)
+from microplan.planner.calibration.through_focus.focus_fit import (
+    FocusFit,
+    FocusStep,
+    fit_focus,
+    sharpest_um,
+    unfit_steps,
+)
+from microplan.planner.calibration.through_focus.profile_table import (
+    ProfileTable,
+    profile_table,
+)
+from microplan.planner.measure.measuring import MeasuredPicture
+from microplan.planner.source.diagnostics import Report, Span
+
+_BEYOND = 1.25  # times the largest distance from the sharpest: a zero off it
+_DRAWN = 5  # profiles that are shown
+
+
+def focus_axis(
+    readings: PictureReadings,
+    finder: PartFinder,
+    intake: PictureIntake,
+    stated_aperture: float | None,
+) -> CalibrationSeries | None:
+    """Return what focus steps of a part tell, None if too little.
+
+    Parameters
+    ----------
+    readings : PictureReadings
+        With focus readings of each picture.
+    finder : PartFinder
+        Of these pictures.
+    intake : PictureIntake
+        New; its report receives MP901, MP904 and MP905.
+    stated_aperture : float, optional
+        The workcell's, if it is one number: it is replaced then.
+    """
+    report, where = intake.report, Span(file=str(readings.file))
+    points = _points(finder)
+    if points is None:
+        message = "the sharpest picture shows too few edges of the part"
+        report.error(CODE, where, message, "is it whole, in focus, and alone?")
+        return None
+    steps = _steps(readings, finder, intake, points)
+    if report.failed or not intake.fits(0, where):
+        return None
+    found: FocusFit | Refused | None = unfit_steps(steps)
+    table = None if found else _table(points, finder.first, steps)
+    if table is not None:
+        found = fit_focus(steps, table, points.case.microscope.aperture)
+    if table is None or not isinstance(found, FocusFit):
+        _refuse(found, where, report)
+        return None
+    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
+    return _series(found, steps, table, source, stated_aperture)
+
+
+def _refuse(found: Refused | FocusFit | None, where: Span, report: Report) -> None:
+    """Report why steps do not tell what is asked for."""
+    message, hint = "the part's edges leave its images", "take smaller focus steps"
+    if isinstance(found, Refused):
+        message, hint = f"no {found.what}: {found.why}", f"photograph {found.take}"
+    report.error(CODE, where, message, hint)
+
+
+def _points(finder: PartFinder) -> EdgePoints | None:
+    """Return the edges that the picture shows in which the part was found."""
+    first = finder.first
+    case = first.region.case
+    if first.x_um is None or first.y_um is None:
+        return None
+    turn = 0.0 if first.turn_rad is None else first.turn_rad - case.theta_rad
+    at_px = case.frame.to_pixel(first.x_um, first.y_um)
+    return points_seen(case, first.shown, at_px, case.target.theta_rad + turn)
+
+
+def _steps(
+    readings: PictureReadings,
+    finder: PartFinder,
+    intake: PictureIntake,
+    points: EdgePoints,
+) -> list[FocusStep]:
+    """Return the mean profile of each focus reading, rising."""
+    held: dict[float, tuple[FloatArray, int]] = {}
+    for row, page in readings_of_pages(readings, intake):
+        seen = finder.found_in(page)
+        profile = None
+        if isinstance(seen, MeasuredPicture):
+            guess = seen.region.guess
+            profile = mean_profile(points, seen.shown, (guess.column, guess.row))
+        if profile is None:
+            message = f"{page.name} does not show the part's edges"
+            hint = "is it whole in the field, and not too far out of focus?"
+            intake.report.warning(CODE, Span(file=str(page.path)), message, hint)
+            continue
+        total, count = held.get(row.z_um, (np.zeros(len(profile)), 0))
+        held[row.z_um] = (total + profile, count + 1)
+    return [
+        FocusStep(z_um=z_um, profile=total / count)
+        for z_um, (total, count) in sorted(held.items())
+    ]
+
+
+def _table(
+    points: EdgePoints, first: MeasuredPicture, steps: Sequence[FocusStep]
+) -> ProfileTable | None:
+    """Return the images' profiles at all defocus that steps may have."""
+    best, case = sharpest_um(steps), points.case
+    most_um = _BEYOND * max(abs(step.z_um - best) for step in steps)
+    x_um, y_um = (first.x_um or 0.0) - case.x_um, (first.y_um or 0.0) - case.y_um
+    turn = 0.0 if first.turn_rad is None else first.turn_rad - case.theta_rad
+    return profile_table(points, (x_um, y_um, turn), most_um)
+
+
+def _series(
+    fit: FocusFit,
+    steps: Sequence[FocusStep],
+    table: ProfileTable,
+    source: PictureSource,
+    stated: float | None,
+) -> CalibrationSeries:
+    """Return aperture, zero and step with what was stated of them."""
+    at = ("optics", "numerical_aperture") if stated is not None else None
+    values: list[CalibratedValue] = [
+        single("numerical_aperture", fit.aperture, source, where=at, stated=stated),
+        single("focus_zero_um", fit.zero_um, source, unit="um"),
+        single("focus_scale", fit.scale, source, stated=1.0),
+    ]
+    fixed, free = fit.held_out
+    notes = [
+        f"profiles are off by {fit.rms:.2%} rms of the edge's step",
+        f"steps left out: {fixed:.2%} with readings as travel, {free:.2%} with a scale",
+    ]
+    if at is None:
+        notes.append("optics.numerical_aperture is a table: put the value in its row")
+    return CalibrationSeries(
+        heading=f"focus in {source.pictures} pictures at {len(steps)} readings",
+        values=tuple(values),
+        notes=tuple(notes),
+        curves=_curves(fit, steps, table),
+    )
+
+
+def _curves(
+    fit: FocusFit, steps: Sequence[FocusStep], table: ProfileTable
+) -> dict[str, CalibrationCurve]:
+    """Return profiles of some steps with the images' through them."""
+    across, numbers = across_px(), fit.numbers.values
+    found = {}
+    chosen = np.unique(np.linspace(0, len(steps) - 1, _DRAWN).round().astype(int))
+    for step in (steps[k] for k in chosen.tolist()):
+        meant = table(numbers[2] * (step.z_um - numbers[1]), numbers[0])
+        design = np.column_stack([np.ones(len(meant)), meant, np.gradient(meant)])
+        line = design @ np.linalg.lstsq(design, step.profile, rcond=None)[0]
+        name = f"edge at focus reading {step.z_um:g} um"
+        found[name] = CalibrationCurve(
+            points=list(zip(across.tolist(), step.profile.tolist(), strict=True)),
+            line=list(zip(across.tolist(), line.tolist(), strict=True)),
+        )
+    return found
