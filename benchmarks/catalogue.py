@@ -35,7 +35,7 @@ from benchmarks.optics import (
     shading,
     vectors,
 )
-from benchmarks.real import gates, point_source, still_frames
+from benchmarks.real import calibrations, gates, point_source, still_frames
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
@@ -57,6 +57,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     gates.BENCHMARK,
     still_frames.BENCHMARK,
     point_source.BENCHMARK,
+    calibrations.BENCHMARK,
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,9 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
     if report.failed or not series:
         return ""
     said = "\n\n".join(map(_said, series))
+    if call.report is not None:
+        _report(call, series)
+        said += f"\n\n{call.report} shows it"
     if call.out is None:
         return said + "\n\nwith -o FILE they are put into a workcell"
     text = call.workcell.read_text(encoding="utf-8")
@@ -59,6 +63,15 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
         return ""
     replace_bytes(call.out, new.encode())
     return f"{said}\n\n{call.out} has them"
+
+
+def _report(call: argparse.Namespace, series: Sequence[CalibrationSeries]) -> None:
+    """Write the page of what was found."""
+    from microplan.planner.calibration.page.calibration_page import (
+        write_calibration_page,
+    )
+
+    write_calibration_page(call.report, call.workcell.name, series)
 
 
 def _part(call: argparse.Namespace) -> PartCall | None:

@@ -52,6 +52,9 @@ def add_calibrate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--out", type=Path, help="the workcell with what was found, beside it"
     )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="HTML page with charts and pulls"
+    )
     _add_part(parser)
     _add_near(parser)
     parser.add_argument(

@@ -229,10 +229,10 @@ def _agreement(fit: StageFit) -> Iterator[str]:
 
 
 def _residuals(fit: StageFit, stops: Sequence[StageStop]) -> CalibrationCurve:
-    """Return each stop's misfit against its reading's distance along x, px."""
+    """Return each stop's misfit, 1/1000 px, over its reading along x."""
     rows = np.array([[s.x_um, s.y_um, s.right_px, s.up_px] for s in stops])
     meant = rows[:, :2] @ fit.matrix().T
     off = rows[:, 2:] - meant
-    off -= np.median(off, axis=0)
+    off = 1000 * (off - np.median(off, axis=0))
     pairs = zip(rows[:, 0].tolist(), np.hypot(*off.T).tolist(), strict=True)
     return CalibrationCurve(points=list(pairs))

@@ -39,7 +39,7 @@ from microplan.planner.measure.measuring import MeasuredPicture
 from microplan.planner.source.diagnostics import Report, Span
 
 _BEYOND = 1.25  # times the largest distance from the sharpest: a zero off it
-_DRAWN = 5  # profiles that are shown
+_DRAWN = 3  # profiles that are shown
 
 
 def focus_axis(
