@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from microplan.planner.calibration.calibrated_value import (
 )
 from microplan.planner.calibration.count_levels import count_levels
 from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.noise_line import NoiseLine
 from microplan.planner.calibration.photon_transfer import pooled_rows
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.picture_series import (
@@ -38,6 +39,7 @@ from microplan.planner.source.diagnostics import Span
 
 _MOST_PX = 60_000  # of a picture that are kept, evenly over it: more are not fitted
 _MOST_LIGHTS = 256  # 3 MiB each
+_STRAIGHT = 3.0  # standard deviations of a power from 1
 _LEVELS = 60  # of a drawn curve
 
 
@@ -131,14 +133,33 @@ def _series(
     noise = _noise(found, source)
     curves = {"response": _curve(fit, found.steps)}
     if noise is not None:
-        values += noise.values
-        curves |= noise.curves
+        values += [*noise.series.values, *_full_well(noise.line, fit, source, stated)]
+        curves |= noise.series.curves
     return CalibrationSeries(
         heading=f"response in {source.pictures} pictures of {fit.lights} lights",
         values=tuple(values),
-        notes=(*_words(fit, found), *(noise.notes if noise else ())),
+        notes=(*_words(fit, found), *(noise.series.notes if noise else ())),
         curves=curves,
     )
+
+
+def _full_well(
+    line: NoiseLine | Refused,
+    fit: ResponseFit,
+    source: PictureSource,
+    stated: Mapping[str, float],
+) -> Iterator[CalibratedValue]:
+    """Yield the electrons of full scale, where noise and response are those of photons.
+
+    Beside the table, which has all of the noise.
+    """
+    gamma = fit.gamma
+    straight = abs(gamma.value - 1) <= _STRAIGHT * (gamma.sigma or 0.0)
+    if isinstance(line, NoiseLine) and line.suffices and straight:
+        well = line.full_well_e(fit.black.value, fit.white)
+        at = ("camera", "full_well_e")
+        known = stated.get("full_well_e")
+        yield single("full_well_e", well, source, unit="e", where=at, stated=known)
 
 
 def _response(
@@ -160,7 +181,7 @@ def _response(
     )
 
 
-def _noise(found: LightScenes, source: PictureSource) -> CalibrationSeries | None:
+def _noise(found: LightScenes, source: PictureSource) -> NoiseByLevel | None:
     """Return the noise of lights with enough frames, None if there are none."""
     scenes = [s for s in found.scenes.values() if s.frames >= FEWEST_FRAMES]
     if not scenes:
@@ -170,8 +191,7 @@ def _noise(found: LightScenes, source: PictureSource) -> CalibrationSeries | Non
     frames = sum(scene.frames for scene in scenes)
     if not rows:
         return None
-    noise = NoiseByLevel(frames=frames, levels=levels, rows=rows, source=source)
-    return noise.series
+    return NoiseByLevel(frames=frames, levels=levels, rows=rows, source=source)
 
 
 def _words(fit: ResponseFit, found: LightScenes) -> list[str]:

@@ -10,8 +10,8 @@ from scipy.optimize import nnls
 
 from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.optics.lens.sensor import ROUNDING
-from microplan.planner.calibration.count_levels import CountLevels, count_levels
-from microplan.planner.calibration.estimates import Refused, jackknife_sigma
+from microplan.planner.calibration.count_levels import CountLevels
+from microplan.planner.calibration.estimates import jackknife_sigma
 from microplan.planner.calibration.still_frames import StillScene
 
 MOST_ROWS = 24
@@ -31,44 +31,6 @@ class NoiseRow:
     variance: float  # counts squared, rounding included
     sigma: float | None  # standard deviation of the variance; None: too few blocks
     pixels: int
-
-
-def photon_transfer(
-    frames: Iterable[FloatArray | IntArray], top: int
-) -> tuple[NoiseRow, ...] | Refused:
-    """Return the noise by level of successive frames of one still scene.
-
-    Memory does not grow with the number of frames.
-
-    Parameters
-    ----------
-    frames : iterable of (rows, columns) array
-        Counts 0..`top`, in the order of time.
-    top : int
-        The full scale.
-    """
-    what = "noise by level"
-    scene: StillScene | None = None
-    for frame in frames:
-        counts = np.asarray(frame, dtype=np.float64)
-        if counts.ndim != 2 or not counts.size:
-            return Refused(what=what, why="a frame has no pixels", take=CHART)
-        if not (counts.min() >= 0 and counts.max() <= top):  # nan also
-            why = f"counts are not in 0..{top}, the full scale stated"
-            return Refused(what=what, why=why, take="the camera's own counts")
-        if scene is None:
-            scene = StillScene.of(counts, top)
-        elif counts.shape != scene.total.shape:
-            why = f"frames of {counts.shape} and {scene.total.shape} pixels"
-            return Refused(what=what, why=why, take="frames of one size")
-        else:
-            scene.add(counts)
-    if scene is None or scene.frames < 2:
-        why = "fewer than two frames"
-        return Refused(what=what, why=why, take="eight frames or more of a still scene")
-    rows = noise_rows(scene, count_levels(scene.codes, top))
-    why = "too few pixels are clear of edges and of where counts are cut off"
-    return rows or Refused(what=what, why=why, take=CHART)
 
 
 def noise_rows(scene: StillScene, levels: CountLevels) -> tuple[NoiseRow, ...]:

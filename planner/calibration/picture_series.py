@@ -161,4 +161,4 @@ def _line_words(line: NoiseLine | Refused) -> str:
     words = f"photons and read noise explain it: {electrons:.4g}"
     if line.gain.sigma is not None:
         words += f" +- {electrons * line.gain.sigma / line.gain.value:.2g}"
-    return words + " electrons a count"
+    return f"{words} electrons a count, {line.read_noise_e(0.0):.3g} of read noise"

@@ -1,4 +1,4 @@
-"""Levels of a camera that its counts alone tell: cut-off ends, steps, darkness."""
+"""Levels of a camera that its counts alone tell: steps, and darkness."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from scipy.stats import trim_mean
 
 from microplan.arrays import FloatArray, IntArray
-from microplan.planner.calibration.count_levels import count_levels
 from microplan.planner.calibration.estimates import BlockEstimate, Refused, jackknife
 from microplan.planner.calibration.still_frames import StillScene
 
@@ -24,43 +23,12 @@ _TRIMMED = 0.1  # share of a tile's pixels at each end that may be hot or dead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EndLevels:
-    """Where counts end, and which share of them lies there."""
-
-    zero_share: float
-    highest: int  # count that occurs
-    highest_share: float
-    white: int | None  # count of saturation; None: counts do not pile up at an end
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CodeUse:
     """Which counts a camera gives."""
 
     step: int  # between counts that occur, rounded
     true_bits: int  # of the camera
     missing: int  # counts that never occur, between neighbours that often do
-
-
-def end_levels(codes: IntArray, top: int) -> EndLevels | Refused:
-    """Return where counts end.
-
-    Parameters
-    ----------
-    codes : (N,) int array
-        How often each count occurs.
-    top : int
-        The full scale: counts there are saturated, however rare.
-    """
-    if not codes.sum():
-        return Refused(what="end levels", why="no counts", take="at least one picture")
-    found = count_levels(codes, top)
-    return EndLevels(
-        zero_share=found.dark_share,
-        highest=found.highest,
-        highest_share=float(codes[found.highest] / codes.sum()),
-        white=found.white_level,
-    )
 
 
 def code_use(codes: IntArray, bits: int) -> CodeUse | Refused:

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from microplan.arrays import FloatArray
+from microplan.optics.lens.sensor import ROUNDING
 from microplan.planner.calibration.response.light_levels import (
     CLEAR,
     LightLevels,
@@ -26,6 +27,7 @@ from microplan.planner.calibration.response.light_levels import (
 POWERS = (0.1, 5.0)  # beyond it is no camera
 _ODD = 5.0  # times the usual misfit: a pixel that moved or is defective
 _CHANGE = 0.01  # of a reading: small against its range, large against fits' ends
+_CHANCE = 6.0  # standard deviations that no level of thousands is off by
 _KNOTS = 8  # of the correction
 _ROWS = 17  # of a table
 _LARGE = 10.0  # noise below 1/10 of the level bends its logarithm by less than .5 %
@@ -51,8 +53,7 @@ class LightCurve:
 
 def power_curve(levels: LightLevels, start: LightCurve | None = None) -> LightCurve:
     """Return the power with which the levels of each pixel rise over the light."""
-    least = levels.means[levels.weights > 0].min()
-    most = float(levels.means.max())
+    most, least = float(levels.means.max()), _darkest(levels)
 
     def residuals(numbers: FloatArray) -> FloatArray:
         return _misfits((numbers[0], numbers[1] * most), levels)[0].ravel()
@@ -60,7 +61,7 @@ def power_curve(levels: LightLevels, start: LightCurve | None = None) -> LightCu
     low, high = np.log(POWERS)
     first = [-0.2, min(0.0, 0.5 * least / most)]
     if start is not None:
-        first = [math.log(start.gamma), min(start.black, 0.99 * least) / most]
+        first = [math.log(start.gamma), min(start.black, least) / most]
     best = least_squares(
         residuals,
         np.array(first),
@@ -72,6 +73,13 @@ def power_curve(levels: LightLevels, start: LightCurve | None = None) -> LightCu
     return LightCurve(
         black=float(black * most), gamma=math.exp(log_gamma), knots=none, bends=none
     )
+
+
+def _darkest(levels: LightLevels) -> float:
+    """Return the count that no black level exceeds, by the darkest levels' noise."""
+    variance = levels.sigmas**2 / levels.frames + ROUNDING
+    above = levels.means + _CHANCE * np.sqrt(variance)
+    return float(above[levels.weights > 0].min())
 
 
 def common_errors(levels: LightLevels, power: LightCurve) -> FloatArray:

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from microplan.arrays import IntArray
+from microplan.planner.calibration.count_levels import count_levels
 from microplan.planner.calibration.estimates import BlockEstimate, Refused
 from microplan.planner.calibration.response.code_levels import (
     CodeUse,
-    EndLevels,
     black_level,
     code_use,
-    end_levels,
 )
 from microplan.planner.calibration.still_frames import StillScene
 from tests.planner.calibration.simulated_camera import Camera, patches
@@ -36,26 +35,22 @@ def test_shares_at_both_ends_and_the_count_of_saturation() -> None:
     light[56:] = 2.0
     camera = Camera(top=255, white=240, black=-40)
     codes = camera.scene(light, 8, np.random.default_rng(1)).codes
-    found = end_levels(codes, 255)
-    assert isinstance(found, EndLevels)
-    assert found.zero_share == pytest.approx(0.5, abs=0.06)
-    assert (found.highest, found.white) == (240, 240)
-    assert found.highest_share == pytest.approx(1 / 8, abs=0.02)
+    found = count_levels(codes, 255)
+    assert found.dark_share == pytest.approx(0.5, abs=0.06)
+    assert (found.highest, found.white_level) == (240, 240)
+    assert found.white_share == pytest.approx(1 / 8, abs=0.02)
 
 
 def test_without_saturation_no_white_level_is_made_up() -> None:
     camera = Camera(top=4095, white=4095)
     codes = camera.scene(0.5 * patches(), 8, np.random.default_rng(1)).codes
-    found = end_levels(codes, 4095)
-    assert isinstance(found, EndLevels)
-    assert found.white is None
-    assert found.zero_share == 0
-    black = end_levels(counted(np.zeros(50, dtype=int)), 255)
-    assert isinstance(black, EndLevels)
-    assert (black.zero_share, black.highest, black.white) == (1.0, 0, None)
-    white = end_levels(counted(np.full(50, 255)), 255)
-    assert isinstance(white, EndLevels)
-    assert (white.zero_share, white.highest_share, white.white) == (0, 1.0, 255)
+    found = count_levels(codes, 4095)
+    assert found.white_level is None
+    assert found.dark_share == 0
+    black = count_levels(counted(np.zeros(50, dtype=int)), 255)
+    assert (black.dark_share, black.highest, black.white_level) == (1.0, 0, None)
+    white = count_levels(counted(np.full(50, 255)), 255)
+    assert (white.dark_share, white.white_share, white.white_level) == (0, 1.0, 255)
 
 
 @pytest.mark.parametrize(
@@ -105,9 +100,7 @@ def test_too_few_counts_tell_no_step(values: IntArray) -> None:
 
 
 def test_no_counts_are_refused() -> None:
-    nothing = np.zeros(256, dtype=int)
-    assert isinstance(end_levels(nothing, 255), Refused)
-    assert isinstance(code_use(nothing, 8), Refused)
+    assert isinstance(code_use(np.zeros(256, dtype=int), 8), Refused)
 
 
 def test_the_count_of_darkness_comes_out_within_its_deviation() -> None:

@@ -143,6 +143,19 @@ def test_five_lights_tell_a_response_without_a_deviation() -> None:
     assert (found.gamma.sigma, found.black.sigma, found.lights) == (None, None, 5)
 
 
+def test_noise_of_the_darkest_pixels_is_no_bound_to_the_black_level() -> None:
+    """Their means are below it by chance."""
+    camera = Camera(top=255, white=255, black=8, full_well_e=20_000, read_e=80)
+    light = patches()
+    light[:32] *= 0.01
+    for seed in range(4):
+        found = fitted(camera.steps(light, READINGS, rng_of(seed)), 255)
+        assert found.gamma.sigma is not None
+        assert found.black.sigma is not None
+        assert abs(found.gamma.value - 1) < 4 * found.gamma.sigma
+        assert abs(found.black.value - 8) < 4 * found.black.sigma
+
+
 def test_order_and_unit_of_readings_do_not_matter() -> None:
     camera = Camera(response=power(0.7))
     steps = camera.steps(patches(), READINGS, rng_of(0))
