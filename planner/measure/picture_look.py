@@ -18,7 +18,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trial_cache import Looks
-from microplan.featuresel.trials.trials import prepare, run
+from microplan.featuresel.trials.trials import PreparedRoutines, prepare, run
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.budget.control import tolerance_um
@@ -26,6 +26,7 @@ from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.measures import acceptance_gates
 from microplan.planner.looks.model_errors.model_cost import AcceptedRange
 from microplan.planner.looks.scenario import build_case
+from microplan.planner.measure.lens_trueness import lens_trueness_um
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.memo import Memo
 from microplan.planner.task.presets import PRESETS, Effort, Preset
@@ -59,7 +60,8 @@ class PictureLook:
     stages: tuple[tuple[str, Artifact], ...]  # of the chain
     gates: p.Gates
     bias_um: tuple[float, float]  # mean error in trials, the target's frame
-    # what real pictures move answers by, the worse axis, one sigma; None: not known
+    # what real pictures and lenses move answers by, the worse axis, one sigma; None:
+    # not known
     trueness_um: float | None
     limit_um: float | None  # Cramer-Rao, the worse axis; None: there is none
 
@@ -123,7 +125,25 @@ def picture_look(
         count=PRESETS[_preset(task, call)].random_trials,
         root_seed=task.seed,
     )
-    return _ready(tried, chosen, repeated)
+    return _ready(tried, chosen, repeated, _trueness_um(task, tried, repeated, memo))
+
+
+def _trueness_um(
+    task: Task, tried: Evaluation, repeated: Repeated, memo: Memo
+) -> float | None:
+    """Return how far discrepancies, wavefront and halo move a chain's answers."""
+    (found,) = repeated.scores
+    names, made = set(found.chain), tried.comparison.prepared.artifacts
+    alone = PreparedRoutines(
+        chains=(found.chain,), artifacts={name: made[name] for name in sorted(names)}
+    )
+    lens_um = memo.call(
+        lens_trueness_um, tried.case, alone, task.workcell.optics, task.seed
+    )
+    pictures_um = max(repeated.true(found.chain).um or (), default=None)
+    if lens_um is None or pictures_um is None:
+        return None
+    return math.hypot(lens_um, pictures_um)
 
 
 def _preset(task: Task, call: PictureLookCall) -> Preset:
@@ -149,7 +169,12 @@ def _tried(
     return Evaluation(case=case, fidelity=fidelity, comparison=compared)
 
 
-def _ready(tried: Evaluation, chosen: ChainScore, repeated: Repeated) -> PictureLook:
+def _ready(
+    tried: Evaluation,
+    chosen: ChainScore,
+    repeated: Repeated,
+    trueness_um: float | None,
+) -> PictureLook:
     """Return what measures pictures by a chain, with its accuracy in trials."""
     chain, artifacts = chosen.chain, tried.comparison.prepared.artifacts
     made = [(name, artifacts[name]) for name in chain]
@@ -158,7 +183,7 @@ def _ready(tried: Evaluation, chosen: ChainScore, repeated: Repeated) -> Picture
         stages=tuple((name, a) for name, a in made if not isinstance(a, Failure)),
         gates=acceptance_gates(tried, chosen, AcceptedRange()),
         bias_um=repeated.of(chain).bias_um or (0.0, 0.0),
-        trueness_um=max(repeated.true(chain).um or (), default=None),
+        trueness_um=trueness_um,
         limit_um=tried.comparison.limit_um,
     )
 
