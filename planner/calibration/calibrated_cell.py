@@ -14,6 +14,7 @@ from microplan.planner.calibration.geometry.part_finder import part_finder
 from microplan.planner.calibration.geometry.part_places import PartPlaces
 from microplan.planner.calibration.geometry.stage_series import stage_axes
 from microplan.planner.calibration.light_series import camera_response
+from microplan.planner.calibration.ome_positions import OME, read_positions
 from microplan.planner.calibration.picture_intake import PictureIntake
 from microplan.planner.calibration.picture_series import camera_noise
 from microplan.planner.calibration.readings import (
@@ -48,16 +49,22 @@ class CalibrateCall:
 def calibrated(call: CalibrateCall, report: Report) -> list[CalibrationSeries]:
     """Return what each series of pictures tells; findings of those that do not.
 
-    Folders with a table of readings are a series each, all other pictures frames of
-    one still scene.
+    Folders with a table of readings, and OME-TIFF files whose planes have positions,
+    are a series each, all other pictures frames of one still scene.
     """
     tables = [path for path in call.pictures if (path / READINGS).is_file()]
-    others = [path for path in call.pictures if path not in tables]
+    files = [path for path in call.pictures if path.name.endswith(OME)]
+    read = [read_readings(folder, report) for folder in tables]
+    placed = {path: read_positions(path, report) for path in files}
+    others = [
+        path
+        for path in call.pictures
+        if path not in tables and placed.get(path) is None
+    ]
     found: list[CalibrationSeries | None] = []
-    if others:
+    if others and not report.failed:
         found.append(_still(files_of(others), call, report))
-    for folder in tables:
-        readings = read_readings(folder, report)
+    for readings in (*read, *placed.values()):
         if readings is not None:
             found.append(_with_readings(readings, call, report))
     return [series for series in found if series is not None]

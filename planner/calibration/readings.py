@@ -89,7 +89,7 @@ def read_readings(folder: Path, report: Report) -> PictureReadings | None:
         _wrong(file, report, "the table has no rows", "a row for each picture")
     if len(report.found) > before:
         return None
-    kind = _kind(file, rows, report)
+    kind = series_kind(file, rows, report)
     if kind is None or not _all_there(file, rows, report):
         return None
     return PictureReadings(file=file, rows=rows, kind=kind)
@@ -179,10 +179,10 @@ def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
         return f"{name}: {error}"
 
 
-def _kind(
+def series_kind(
     file: Path, rows: Sequence[PictureReading], report: Report
 ) -> SeriesKind | None:
-    """Return what was changed in a series; None if it was more than one thing."""
+    """Return what was changed in a series; None, and MP905, if several things were."""
     found: list[SeriesKind] = []
     if len({row.light for row in rows}) > 1:
         found.append("light")

@@ -130,6 +130,18 @@ def _tiff(file: Path, check: SizeCheck) -> Iterator[PictureCounts | PictureError
                 yield PictureError(file, _unread(name, error), hint)
 
 
+def ome_text(file: Path) -> tuple[str, int] | None:
+    """Return the OME-XML of a TIFF file and its number of pages, None without one."""
+    import tifffile
+
+    try:
+        with tifffile.TiffFile(file) as tiff:
+            text = tiff.ome_metadata if tiff.is_ome else None
+            return None if text is None else (str(text), len(tiff.pages))
+    except _UNREADABLE:
+        return None  # what is wrong with it is said when its pictures are read
+
+
 def _page(file: Path, name: str, page: Any, check: SizeCheck) -> PictureCounts:
     """Return one page of a TIFF file."""
     _check_size(file, name, (page.imagelength, page.imagewidth), check)
