@@ -54,7 +54,8 @@ class StageFit:
 
     names: tuple[str, ...]
     numbers: VectorEstimate  # by names
-    # standard deviation of one stop's place about the fit, px, right and up
+    # standard deviation of where the stage stops, px, right and up; of a picture's
+    # place where it stopped once for each
     residual_px: tuple[BlockEstimate, BlockEstimate]
     shake_px: tuple[float, float] | None  # of a picture while the stage rests
     off: tuple[int, ...]  # stops far off all others
@@ -101,12 +102,16 @@ def fit_stage(stops: Sequence[StageStop], corner_px: float) -> StageFit | Refuse
 
     named = (*_PLACES, *(_DRAWN if drawn else ()), *(("distortion",) if bent else ()))
     off = _misfits(_solved(stops, corner_px, bent=bent), _rows(stops), corner_px)
-    found = jackknife_vector(numbers, stops, method=_METHOD)
+    found, shake = jackknife_vector(numbers, stops, method=_METHOD), _shake(stops)
+    mean = float(np.mean([1 / stop.pictures for stop in stops])) ** 0.5
     return StageFit(
         names=named,
         numbers=_with_trueness(found, named, stops[0].true_share),
-        residual_px=(_scatter(off[:, 0], 3 + bent / 2), _scatter(off[:, 1], 3)),
-        shake_px=_shake(stops),
+        residual_px=(
+            _scatter(off[:, 0], 3 + bent / 2, shake[0] * mean),
+            _scatter(off[:, 1], 3 + bent / 2, shake[1] * mean),
+        ),
+        shake_px=shake if any(shake) else None,
         off=tuple(np.flatnonzero(_far(off)).tolist()),
     )
 
@@ -201,19 +206,20 @@ def _bends(stops: Sequence[StageStop], corner_px: float) -> bool:
     return bool(errors[1] < errors[0])
 
 
-def _scatter(off: FloatArray, taken: float) -> BlockEstimate:
+def _scatter(off: FloatArray, taken: float, shake_px: float) -> BlockEstimate:
     """Return the standard deviation of one stop's place, px.
 
-    Of residuals (N,) of a fit that takes so many numbers of an axis; its own deviation
-    is that of a normal one.
+    Of residuals (N,) of a fit that takes so many numbers of an axis; what vibration
+    moves a stop's mean by is taken off. Its own deviation is that of a normal one.
     """
     free = max(len(off) - taken, 1.0)
-    value = math.sqrt(float(np.sum(off**2)) / free)
-    known = len(off) >= FEWEST_BLOCKS
+    square = float(np.sum(off**2)) / free
+    value = math.sqrt(max(square - shake_px**2, 0.0))
+    known = len(off) >= FEWEST_BLOCKS and value > 0
     return BlockEstimate(
         value=value,
-        sigma=value / math.sqrt(2 * free) if known else None,
-        method="scatter of places about the fit",
+        sigma=square / value / math.sqrt(2 * free) if known else None,
+        method="scatter of places about the fit, vibration taken off",
         blocks=len(off),
     )
 
@@ -224,10 +230,8 @@ def _far(off: FloatArray) -> BoolArray:
     return np.asarray(size > _ODD * max(float(np.median(size)), _LEAST_PX))
 
 
-def _shake(stops: Sequence[StageStop]) -> tuple[float, float] | None:
-    """Return the standard deviation of pictures of one stop, px; None: not told."""
-    free = sum(stop.pictures - 1 for stop in stops)
-    if not free:
-        return None
+def _shake(stops: Sequence[StageStop]) -> tuple[float, float]:
+    """Return the standard deviation of pictures of one stop, px; 0: one each."""
+    free = max(sum(stop.pictures - 1 for stop in stops), 1)
     right, up = np.sum([stop.scatter_px for stop in stops], axis=0).tolist()
     return math.sqrt(right / free), math.sqrt(up / free)

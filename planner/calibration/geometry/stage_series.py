@@ -31,6 +31,7 @@ from microplan.planner.calibration.picture_intake import CODE
 from microplan.planner.calibration.readings import PictureReadings
 from microplan.planner.source.diagnostics import Span
 
+_REST = "scatter of pictures while the stage rests"
 _SIGNIFICANT = 3.0  # standard deviations
 
 
@@ -65,12 +66,13 @@ def stage_axes(
         return None
     scope = places.finder.series.look.case.microscope
     source = PictureSource(pictures=places.intake.taken, sha256=places.intake.digest)
-    values = [*_pitches(fit, scope, source), *_stage(fit, source)]
+    bend = places.finder.series.look.case.lens.distortion
+    values = [*_pitches(fit, scope, source, bend), *_stage(fit, source)]
     _doubts(fit, stops, values, places, where)
     return CalibrationSeries(
         heading=f"scale in {source.pictures} pictures at {len(stops)} stage positions",
         values=tuple(values),
-        notes=tuple(_words(fit, places)),
+        notes=tuple(_words(fit)),
         curves={"residuals": _residuals(fit, stops)},
     )
 
@@ -81,9 +83,9 @@ def _ruler(fit: StageFit) -> str:
 
 
 def _pitches(
-    fit: StageFit, scope: Microscope, source: PictureSource
+    fit: StageFit, scope: Microscope, source: PictureSource, distortion: float
 ) -> Iterator[CalibratedValue]:
-    """Yield pitches in the object, and the sensor's."""
+    """Yield pitches in the object, the sensor's, and what bends the image."""
     ruler, stated = _ruler(fit), scope.um_per_px
     units = {"pitch_x": "um", "pitch_y": "um", "skew": "rad"}
     method = "edges against the drawing" if ruler else "stage readings"
@@ -105,7 +107,7 @@ def _pitches(
                 yield _by(single(key, found, source, unit=unit), "stage readings")
     if (bent := fit.one("distortion")) is not None:
         at = ("optics", "distortion")
-        yield single("distortion", bent, source, where=at, stated=0.0)
+        yield single("distortion", bent, source, where=at, stated=distortion)
     if (offset := fit.one("offset_px")) is not None:
         scaled = _scaled(offset, stated, "edges seen, outwards from those drawn")
         yield single("edge_offset_um", scaled, source, unit="um", stated=0.0)
@@ -170,6 +172,12 @@ def _stage(fit: StageFit, source: PictureSource) -> Iterator[CalibratedValue]:
         if um is not None:
             scaled = _scaled(noise, um.value, noise.method)
             yield single(f"stage_noise_{axis}_um", scaled, source, unit="um")
+    for axis, shake_px, um in zip("xy", fit.shake_px or (), pitch, strict=False):
+        if um is not None:
+            shake = BlockEstimate(
+                value=shake_px * um.value, sigma=None, method=_REST, blocks=1
+            )
+            yield single(f"vibration_{axis}_um", shake, source, unit="um")
 
 
 def _doubts(
@@ -195,8 +203,8 @@ def _doubts(
         report.warning(CODE, where, message, "resample the pictures to square ones")
 
 
-def _words(fit: StageFit, places: PartPlaces) -> Iterator[str]:
-    """Yield ruler, axes and vibration in words."""
+def _words(fit: StageFit) -> Iterator[str]:
+    """Yield ruler and axes in words."""
     stretch = stretch_of(fit.matrix())
     if _ruler(fit):
         yield "the ruler is the drawing: the part has edges of several features"
@@ -212,10 +220,6 @@ def _words(fit: StageFit, places: PartPlaces) -> Iterator[str]:
         )
     (a, b), (c, d) = axes_of(fit.matrix(), stretch).tolist()
     yield f"station: camera_from_stage = [[{a:.6f}, {b:.6f}], [{c:.6f}, {d:.6f}]]"
-    if fit.shake_px is not None:
-        um = places.finder.series.look.case.microscope.um_per_px
-        right, up = (um * value for value in fit.shake_px)
-        yield f"at rest pictures vary by {right:.2g} um in x, {up:.2g} um in y"
 
 
 def _agreement(fit: StageFit) -> Iterator[str]:

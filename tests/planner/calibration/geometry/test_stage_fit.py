@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,26 @@ def test_axes_are_told_by_signs_and_noise_by_scatter() -> None:
     for noise in fit.residual_px:
         assert noise.sigma is not None
         assert abs(noise.value - 0.2) < 4 * noise.sigma
+
+
+def test_vibration_at_a_stop_is_no_noise_of_the_stage() -> None:
+    """Of four pictures a stop, whose mean it moves by half of itself."""
+    rng = np.random.default_rng(3)
+    found = []
+    for stop in stops_at(GRID * 4, MIRRORED, noise_px=0.1):
+        seen = (stop.right_px, stop.up_px) + rng.normal(0, 0.3, (4, 2))
+        right, up = seen.mean(axis=0).tolist()
+        squares = np.sum((seen - seen.mean(axis=0)) ** 2, axis=0).tolist()
+        found.append(
+            replace(stop, right_px=right, up_px=up, pictures=4,
+                    scatter_px=(squares[0], squares[1]))
+        )  # fmt: skip
+    fit = fitted(found)
+    assert fit.shake_px == pytest.approx((0.3, 0.3), rel=0.25)
+    for noise in fit.residual_px:
+        assert noise.sigma is not None
+        assert abs(noise.value - 0.1) < 4 * noise.sigma
+        assert noise.value < 0.17  # less than with the vibration in it
 
 
 def test_a_distortion_stays_only_if_stops_left_out_are_foretold_better() -> None:
