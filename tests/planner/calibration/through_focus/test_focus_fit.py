@@ -53,9 +53,9 @@ def refused(some: Sequence[FocusStep]) -> str:
 
 
 def test_numbers_come_out_within_their_deviations() -> None:
-    """The mean square of pulls of 8 free numbers is 8/6; that of 15 by half."""
+    """The mean square of pulls of 8 free numbers is 8/6; that of 9 by two thirds."""
     pulls = []
-    for seed in range(5):
+    for seed in range(3):
         found = fit_focus(steps(READINGS, seed=seed), edge, 0.42)
         assert isinstance(found, FocusFit)
         for one, true in zip(
@@ -65,7 +65,7 @@ def test_numbers_come_out_within_their_deviations() -> None:
             pulls.append((one.value - true) / one.sigma)
         assert found.rms == pytest.approx(2e-3 / 0.7, rel=0.4)
     assert np.max(np.abs(pulls)) < 5
-    assert 0.3 < np.mean(np.square(pulls)) < 3.5
+    assert 0.2 < np.mean(np.square(pulls)) < 4
 
 
 def test_a_scale_is_worth_it_where_readings_are_no_travel() -> None:
