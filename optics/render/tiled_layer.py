@@ -122,6 +122,8 @@ class TiledLayer:
         change = transfer_change(view.setting, self._side_um(view), u, v)
         across, along = pixel_gain(view.setting, tile, (J, K))
         change *= across * along[np.abs(up), None]
+        if view.microscope.halo is not None:
+            change *= halo_gain(view.setting, tile, (J, K))[np.abs(up)]
         found += (self.values[up, : J + 1] * change).astype(found.dtype)
         x_um, y_um = disc_shift_um(view.setting)
         right, rise = np.exp(2j * np.pi * u * x_um), np.exp(2j * np.pi * v * y_um)

@@ -55,6 +55,11 @@ def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(math.sqrt(2 * (n + 1)) * found * turn)
 
 
+def turns_of(noll: int) -> int:
+    """Return how often a term repeats in a turn: odd ones differ side from side."""
+    return _orders(noll)[1]
+
+
 def _orders(noll: int) -> tuple[int, int]:
     """Return the order n of the radius and m >= 0 of the angle."""
     n = (math.isqrt(8 * noll - 7) - 1) // 2

@@ -14,6 +14,7 @@ from scipy import special
 
 from microplan.optics.ledger import CONTRAST
 from microplan.optics.transfer.microscope import Terms
+from microplan.optics.transfer.zernike import turns_of
 from microplan.planner.task.workcell import WavefrontSpec
 from microplan.schemas.plan import EffectRow
 
@@ -39,22 +40,25 @@ def unknown_wavefronts(stated: WavefrontSpec) -> tuple[Terms, ...]:
     known = dict(known_wavefront(stated))
     return tuple(
         tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
-        for noll, half in zip(MOVING, unknown_waves(stated), strict=True)
+        for noll, half in unknown_waves(stated).items()
         if half > 0
     )
 
 
-def unknown_waves(stated: WavefrontSpec) -> tuple[float, ...]:
-    """Return how large each of `MOVING` may be, waves rms, half-widths of 95 %.
+def unknown_waves(stated: WavefrontSpec) -> dict[int, float]:
+    """Return how large terms that move may be, waves rms, half-widths of 95 %.
 
     Of a total, whose terms may share it in any way, all directions in their space are
     as likely: along any one of them it is within `total_share` with 95 %.
     """
     if stated.terms is not None:
-        sigmas = {term.noll: term.sigma_waves for term in stated.terms}
-        return tuple(_HALF * sigmas.get(noll, 0.0) for noll in MOVING)
+        return {
+            term.noll: _HALF * term.sigma_waves
+            for term in stated.terms
+            if turns_of(term.noll) % 2
+        }
     most = LIMITED if stated.rms_waves is None else stated.rms_waves
-    return (total_share() * most,) * len(MOVING)
+    return dict.fromkeys(MOVING, total_share() * most)
 
 
 def total_share() -> float:
@@ -70,7 +74,8 @@ def wavefront_rows(stated: WavefrontSpec, limit: float) -> tuple[EffectRow, Effe
 
     Before they are charged.
     """
-    known, half = known_wavefront(stated), max(unknown_waves(stated))
+    known = known_wavefront(stated)
+    half = max(unknown_waves(stated).values(), default=0.0)
     terms = ", ".join(f"{waves:g} of Noll {noll}" for noll, waves in known)
     words = f"{_total(stated)}coma and trefoil of up to {half:.2g} waves rms each"
     return (

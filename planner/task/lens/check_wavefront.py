@@ -23,10 +23,12 @@ def check_wavefront(cell: Checked, report: Report) -> None:
             at = source.value(*where, index, "noll")
             hint = f"it stands at {first.file}:{first.line}:{first.column} already"
             report.error("MP116", at, f"noll {noll} is stated twice", hint)
-    total = math.hypot(*(row["waves"] for row in rows))
+    total = math.hypot(
+        *(abs(row["waves"]) + 2 * row.get("sigma_waves", 0.0) for row in rows)
+    )
     if total > MOST_WAVES:
         message = f"wavefront is {total:.3g} waves rms in all, above {MOST_WAVES:g}"
-        hint = "waves are rms over the pupil: a diffraction limited lens has .07 in all"
+        hint = "with two of each sigma_waves; a diffraction limited lens has .07 in all"
         report.error("MP116", source.value(*where), message, hint)
     if cell.good("optics", "wavefront_rms"):
         at = source.value("optics", "wavefront_rms")

@@ -67,6 +67,15 @@ def test_stated_terms_are_known_but_for_their_sigma() -> None:
     assert unknown_wavefronts(terms((8, 0.03, 0.0))) == ()
 
 
+def test_coma_and_trefoil_of_any_order_count() -> None:
+    """Noll 16 and 17 are coma of the next order, 18 and 19 trefoil; 20 has five."""
+    stated = terms(*((noll, 0.0, 0.01) for noll in range(12, 23)))
+    moving = [dict(end) for end in unknown_wavefronts(stated)]
+    assert [max(each, key=lambda n: each[n]) for each in moving] == [
+        *(16, 17, 18, 19, 20, 21)
+    ]
+
+
 @pytest.mark.parametrize(
     ("stated", "known", "unknown", "words"),
     [

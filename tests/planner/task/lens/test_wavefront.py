@@ -68,6 +68,10 @@ def test_no_terms_are_a_perfect_objective(tmp_path: Path) -> None:
             "wavefront: [{noll: 8, waves: 0.2}, {noll: 7, waves: 0.2}]",
             "MP116", "[{noll", "0.283 waves rms in all, above 0.25",
         ),
+        (
+            "wavefront: [{noll: 8, waves: 0.05, sigma_waves: 0.15}]",
+            "MP116", "[{noll", "0.35 waves rms in all, above 0.25",
+        ),
     ],
 )  # fmt: skip
 def test_nonsense_is_a_finding_where_it_stands(
