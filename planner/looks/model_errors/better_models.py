@@ -129,12 +129,14 @@ def flat(case: LookCase) -> LookCase:
 
 def _exact(case: LookCase, effects: Collection[str]) -> BetterModel:
     """Return the look by the exact law with all of its band."""
-    better = replace(flat(case), model="exact", sampling=Sampling())
+    plain = _blended(case)
+    whole = replace(Sampling(), rays=plain.sampling.rays)
+    better = replace(plain, model="exact", sampling=whole)
     return BetterModel(
         effects=tuple(name for name in (LAW, BAND) if name in effects),
         by="the exact law with its whole band",
         ends=(ImageModel(cases=((1.0, better),)),),
-        against=flat(case),
+        against=plain,
     )
 
 
@@ -168,21 +170,17 @@ def inner_weight(sine: float) -> float:
 def _coloured(case: LookCase) -> BetterModel:
     """Return the look in a flat band of wavelengths."""
     nodes, weights = np.polynomial.legendre.leggauss(_COLOURS)
-    mean = case.microscope.wavelength_um
+    plain, mean = _blended(case), case.microscope.wavelength_um
+    colours = (mean * (1 + FLAT_BAND / 2 * nodes)).tolist()
     cases = tuple(
-        (
-            float(weight) / 2,
-            replace(flat(case), microscope=replace(
-                case.microscope,
-                wavelength_um=float(mean * (1 + FLAT_BAND / 2 * node)))),
-        )
-        for node, weight in zip(nodes, weights, strict=True)
-    )  # fmt: skip
+        (float(weight) / 2, _seen_by(plain, wavelength_um=colour))
+        for colour, weight in zip(colours, weights, strict=True)
+    )
     return BetterModel(
         effects=(SPECTRUM,),
         by=f"a flat band of {FLAT_BAND:.0%}",
         ends=(ImageModel(cases=cases),),
-        against=flat(case),
+        against=plain,
     )
 
 
