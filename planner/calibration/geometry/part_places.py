@@ -137,4 +137,5 @@ def _stops(places: Sequence[PartPlace]) -> Iterator[StageStop]:
             stretch=np.mean([d.stretch for d in drawn], axis=0) if apart else None,
             offset_px=float(np.mean([d.offset_px for d in drawn])) if apart else 0.0,
             true_share=TRUE_PX / drawn[0].reach_px if apart else 0.0,
+            true_px=TRUE_PX if apart else 0.0,
         )

@@ -46,6 +46,7 @@ class StageStop:
     stretch: FloatArray | None = None  # by the drawing, (2, 2) px/um; None: not told
     offset_px: float = 0.0  # of edges, outwards; 0 where the stretch is not told
     true_share: float = 0.0  # of the stretch, by which images of the part may differ
+    true_px: float = 0.0  # and by which edges may
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +107,7 @@ def fit_stage(stops: Sequence[StageStop], corner_px: float) -> StageFit | Refuse
     mean = float(np.mean([1 / stop.pictures for stop in stops])) ** 0.5
     return StageFit(
         names=named,
-        numbers=_with_trueness(found, named, stops[0].true_share),
+        numbers=_with_trueness(found, named, stops[0]),
         residual_px=(
             _scatter(off[:, 0], 3 + bent / 2, shake[0] * mean),
             _scatter(off[:, 1], 3 + bent / 2, shake[1] * mean),
@@ -117,16 +118,17 @@ def fit_stage(stops: Sequence[StageStop], corner_px: float) -> StageFit | Refuse
 
 
 def _with_trueness(
-    found: VectorEstimate, names: Sequence[str], share: float
+    found: VectorEstimate, names: Sequence[str], stop: StageStop
 ) -> VectorEstimate:
     """Return numbers with what no number of pictures takes off those by the drawing."""
     if found.covariance is None:
         return found
     covariance = found.covariance.copy()
-    for name in set(_DRAWN[:6]) & set(names):
+    for name in set(_DRAWN) & set(names):
         at = names.index(name)
         size = 1.0 if name.endswith("skew") else float(found.values[at])
-        covariance[at, at] += (share * size) ** 2
+        off = stop.true_px if name == "offset_px" else stop.true_share * size
+        covariance[at, at] += off**2
     return replace(found, covariance=covariance)
 
 
