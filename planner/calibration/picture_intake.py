@@ -28,6 +28,7 @@ class PictureIntake:
     top: int = 0  # full scale, counts
     taken: int = 0
     digest: str = ""  # sha256 of the hashes of the counts, in their order
+    met: set[str] = field(default_factory=set)  # names of pictures, copies too
     _size: tuple[int, int] | None = None
     _first: str = ""
     _seen: dict[bytes, int] = field(default_factory=dict)
@@ -73,6 +74,7 @@ class PictureIntake:
 
     def _is_new(self, page: PictureCounts) -> bool:
         """Return whether a picture is no copy; it is taken then, else reported."""
+        self.met.add(page.name)
         key = hashlib.sha256(page.counts.tobytes()).digest()
         if key in self._seen:
             message = f"{page.name} has exactly the pixels of picture "

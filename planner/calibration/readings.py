@@ -227,3 +227,7 @@ def readings_of_pages(
             _wrong(readings.file, intake.report, message, _PAGE)
             return
         yield row, page
+    lost = [name for name in rows if name not in intake.met]
+    if lost and not intake.report.failed:
+        message = f"{lost[0]} is no picture of its file"
+        _wrong(readings.file, intake.report, message, _PAGE)

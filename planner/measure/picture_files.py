@@ -119,6 +119,8 @@ def _tiff(file: Path, check: SizeCheck) -> Iterator[PictureCounts | PictureError
     with tifffile.TiffFile(file) as tiff:
         every: list[Any] = list(tiff.pages)
         pages = [page for page in every if not page.is_reduced]  # no thumbnails
+        if not pages:
+            raise PictureError(file, _unread(file.name, ValueError("no page")), _TAKEN)
         for number, page in enumerate(pages):
             name = f"{file.name}[{number}]" if len(pages) > 1 else file.name
             try:

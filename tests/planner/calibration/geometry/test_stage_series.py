@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from shapely.geometry import Polygon, box
@@ -19,6 +20,7 @@ from tests.planner.calibration.twin_series import (
     cell_of,
     write_readings,
 )
+from tests.planner.measure.small_look import save
 from validation.twins.camera import Camera
 from validation.twins.scenes import Body, Scene, Shape, square_with_notch, write_dxf
 from validation.twins.series import Reading, Rig
@@ -113,6 +115,28 @@ def test_moves_that_tell_no_scale_are_refused(
     assert "--part names its drawing" in capsys.readouterr().err
     assert call(folder, some_of(folder, "few", 3)) == 2
     assert "3 places of the stage, 4 are needed" in capsys.readouterr().err
+
+
+def test_single_pictures_without_the_part_are_left_out(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of another size, or damaged, they are refused."""
+    black = np.zeros(SIZE, dtype=np.uint8)
+    dark = some_of(folder, "black", 7)
+    save(dark / "0002.tif", black)
+    shutil.copy(dark / "0003.tif", dark / "0004.tif")
+    assert call(folder, dark) == 0
+    said = capsys.readouterr()
+    assert "at 5 stage positions" in said.out
+    assert "+-" not in said.out.split("stage_noise")[0]  # five blocks: no deviation
+    assert "0002.tif does not show the part: nothing in it looks" in said.err
+    assert "0004.tif has exactly the pixels of picture 4" in said.err
+    save(dark / "0002.tif", black[:50])
+    assert call(folder, dark) == 2
+    assert "it is 128 x 50 px, 0000.tif is 128 x 96" in capsys.readouterr().err
+    (dark / "0002.tif").write_bytes(b"II*\0 damaged")
+    assert call(folder, dark) == 2
+    assert "0002.tif cannot be read" in capsys.readouterr().err
 
 
 def test_pictures_of_another_part_are_refused(
