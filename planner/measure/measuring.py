@@ -77,6 +77,23 @@ class MeasuredPicture:
         """Return whether the target was found and every gate passed."""
         return not self.failure and all(gate.passed for gate in self.gates)
 
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Return x and y, um, and the turn, rad, from nominal; 0 what was not found."""
+        case, x_um, y_um = self.region.case, self.x_um, self.y_um
+        turn = 0.0 if self.turn_rad is None else self.turn_rad - case.theta_rad
+        return (
+            0.0 if x_um is None else x_um - case.x_um,
+            0.0 if y_um is None else y_um - case.y_um,
+            turn,
+        )
+
+    @property
+    def at_px(self) -> tuple[float, float]:
+        """Return column and row in the region's light of where the target was found."""
+        case, (x_um, y_um, _) = self.region.case, self.pose
+        return case.frame.to_pixel(case.x_um + x_um, case.y_um + y_um)
+
 
 @dataclass(slots=True, kw_only=True)
 class PictureSeries:

@@ -88,15 +88,12 @@ class PartPlaces:
             self._lone = lone_points(case)
         if measured.x_um is None or measured.y_um is None:
             return None
-        at_px = case.frame.to_pixel(measured.x_um, measured.y_um)
-        turn = 0.0 if measured.turn_rad is None else measured.turn_rad - case.theta_rad
-        meant = nominal_render(case)(
-            dx_um=measured.x_um - case.x_um,
-            dy_um=measured.y_um - case.y_um,
-            theta_rad=turn,
-        )
+        x_um, y_um, turn = measured.pose
+        meant = nominal_render(case)(dx_um=x_um, dy_um=y_um, theta_rad=turn)
         theta = case.target.theta_rad + turn
-        return drawn_scale(case, measured.shown, meant, at_px, theta, self._lone)
+        return drawn_scale(
+            case, measured.shown, meant, measured.at_px, theta, self._lone
+        )
 
 
 def _refusal(measured: MeasuredPicture | PictureError | None) -> str:

@@ -24,10 +24,14 @@ _METHOD = "edge profiles through focus against the compiler's images, steps left
 _TRUE = 1e-4
 _CHANGES = (1e-4, 1e-3, 1e-4)  # of aperture, um, scale: small against their errors
 _VAGUE = 0.2  # of the aperture: it is not told from the focus
+_CERTAIN = 1e-6  # of the aperture: profiles do not change with it
+_LEAST_APERTURE, _STEPS = 1e-3, (0.05, 20.0)  # beyond they are in another unit
+_AT_END = 1e-3  # of an end
 _TAKE = (
     "the part at nine focus readings or more, even ones on both sides of the sharpest, "
     "to some two depths of field on either"
 )
+_STATE = "; is the workcell's numerical_aperture about right?"
 
 # profile (L,) of a defocus, um, and an aperture
 Profiles = Callable[[float, float], FloatArray]
@@ -90,8 +94,27 @@ def unfit_steps(steps: Sequence[FocusStep]) -> Refused | None:
     return None
 
 
+def suited(
+    steps: Sequence[FocusStep],
+    profiles: Profiles,
+    aperture: float,
+    within: tuple[float, float] = (_LEAST_APERTURE, math.inf),
+) -> FloatArray:
+    """Return aperture, zero um and scale, (3,), that suit steps best."""
+    start = np.array([aperture, sharpest_um(steps), 1.0])
+    return _solved(steps, profiles, start, free=3, within=within)
+
+
+def most_defocus_um(steps: Sequence[FocusStep], numbers: FloatArray) -> float:
+    """Return the largest defocus that numbers (3,), um and [1], give steps."""
+    return float(max(abs(numbers[2] * (step.z_um - numbers[1])) for step in steps))
+
+
 def fit_focus(
-    steps: Sequence[FocusStep], profiles: Profiles, aperture: float
+    steps: Sequence[FocusStep],
+    profiles: Profiles,
+    aperture: float,
+    within: tuple[float, float] = (_LEAST_APERTURE, math.inf),
 ) -> FocusFit | Refused:
     """Return aperture, zero and step of the focus.
 
@@ -102,30 +125,46 @@ def fit_focus(
     profiles : callable
         The images' profiles; even in the defocus.
     aperture : float
-        As stated, to begin with.
+        To begin with.
+    within : (least, most)
+        Apertures that there are profiles of; a result at an end is refused.
     """
     refused = unfit_steps(steps)
     if refused is not None:
         return refused
-    start = np.array([aperture, sharpest_um(steps), 1.0])
-    best = _solved(steps, profiles, start, free=3)
+    best = suited(steps, profiles, aperture, within)
     found = jackknife_vector(
-        lambda some: _solved(some, profiles, best, free=3), steps, method=_METHOD
+        lambda some: _solved(some, profiles, best, free=3, within=within),
+        steps,
+        method=_METHOD,
     )
     found = _with_trueness(found, steps, profiles)
-    sigma = found.one(0).sigma
-    if sigma is not None and not sigma < _VAGUE * found.values[0]:
-        why = f"the aperture is {found.values[0]:.2g} +- {sigma:.2g}"
-        return Refused(what="aperture and focus", why=why, take=_TAKE)
+    why = _untold(found, within)
+    if why:
+        return Refused(what="aperture and focus", why=why, take=_TAKE + _STATE)
     off = _misfits(found.values, steps, profiles)
     return FocusFit(
         numbers=found,
         rms=float(np.sqrt(np.mean(off**2))),
         held_out=(
-            _held_out(steps, profiles, best, free=2),
-            _held_out(steps, profiles, best, free=3),
+            _held_out(steps, profiles, best, free=2, within=within),
+            _held_out(steps, profiles, best, free=3, within=within),
         ),
     )
+
+
+def _untold(found: VectorEstimate, within: tuple[float, float]) -> str:
+    """Return why numbers are none, "" if they are."""
+    aperture, _, scale = found.values.tolist()
+    sigma = found.one(0).sigma
+    for value, ends, name in (
+        (aperture, within, "the aperture"), (scale, _STEPS, "the step"),
+    ):  # fmt: skip
+        if not ends[0] * (1 + _AT_END) < value < ends[1] * (1 - _AT_END):
+            return f"{name} that suits best, {value:.3g}, is the end of what is tried"
+    if sigma is not None and not _CERTAIN * aperture < sigma < _VAGUE * aperture:
+        return f"the aperture is {aperture:.2g} +- {sigma:.2g}"
+    return ""
 
 
 def _with_trueness(
@@ -145,16 +184,28 @@ def _with_trueness(
 
 
 def _solved(
-    steps: Sequence[FocusStep], profiles: Profiles, start: FloatArray, *, free: int
+    steps: Sequence[FocusStep],
+    profiles: Profiles,
+    start: FloatArray,
+    *,
+    free: int,
+    within: tuple[float, float],
 ) -> FloatArray:
     """Return the numbers (3,) that suit steps best; with `free` 2 the step is 1."""
     rest = np.ones(3 - free)
+    low = np.array([within[0], -math.inf, _STEPS[0]])
+    high = np.array([within[1], math.inf, _STEPS[1]])
 
     def misfits(some: FloatArray) -> FloatArray:
         return _misfits(np.concatenate([some, rest]), steps, profiles)
 
     sizes = np.array([0.1 * start[0], 1.0, 0.1])[:free]
-    best = least_squares(misfits, start[:free], x_scale=sizes)
+    best = least_squares(
+        misfits,
+        np.clip(start, low, high)[:free],
+        bounds=(low[:free], high[:free]),
+        x_scale=sizes,
+    )
     return np.concatenate([best.x, rest])
 
 
@@ -169,23 +220,34 @@ def _misfits(
 
 
 def _off(step: FocusStep, meant: FloatArray) -> FloatArray:
-    """Return a profile less an image's, (L,), over its step.
+    """Return a profile less an image's in its light, (L,), over its step."""
+    line, contrast = in_light_of(step, meant)
+    size = abs(contrast * float(np.ptp(meant)))
+    return np.asarray((step.profile - line) / max(size, 1e-9))
+
+
+def in_light_of(step: FocusStep, meant: FloatArray) -> tuple[FloatArray, float]:
+    """Return an image's profile (L,) in the light of a step's, and its contrast [1].
 
     Light, contrast and place are those that suit best: they are not the blur.
     """
     design = np.column_stack([np.ones(len(meant)), meant, np.gradient(meant)])
     numbers = np.linalg.lstsq(design, step.profile, rcond=None)[0]
-    size = abs(float(numbers[1]) * float(np.ptp(meant)))
-    return np.asarray((step.profile - design @ numbers) / max(size, 1e-9))
+    return np.asarray(design @ numbers), float(numbers[1])
 
 
 def _held_out(
-    steps: Sequence[FocusStep], profiles: Profiles, start: FloatArray, *, free: int
+    steps: Sequence[FocusStep],
+    profiles: Profiles,
+    start: FloatArray,
+    *,
+    free: int,
+    within: tuple[float, float],
 ) -> float:
     """Return the rms misfit of steps by the numbers of all others."""
     squares = []
     for left in range(len(steps)):
         kept = [*steps[:left], *steps[left + 1 :]]
-        numbers = _solved(kept, profiles, start, free=free)
+        numbers = _solved(kept, profiles, start, free=free, within=within)
         squares.append(float(np.mean(_misfits(numbers, [steps[left]], profiles) ** 2)))
     return math.sqrt(sum(squares) / len(squares))

@@ -28,7 +28,10 @@ from microplan.planner.calibration.through_focus.focus_fit import (
     FocusFit,
     FocusStep,
     fit_focus,
+    in_light_of,
+    most_defocus_um,
     sharpest_um,
+    suited,
     unfit_steps,
 )
 from microplan.planner.calibration.through_focus.profile_table import (
@@ -39,6 +42,7 @@ from microplan.planner.measure.measuring import MeasuredPicture
 from microplan.planner.source.diagnostics import Report, Span
 
 _BEYOND = 1.25  # times the largest distance from the sharpest: a zero off it
+_TABLES = 5  # about what suited the last: an aperture up to some three times as stated
 _DRAWN = 3  # profiles that are shown
 
 
@@ -73,7 +77,7 @@ def focus_axis(
     found: FocusFit | Refused | None = unfit_steps(steps)
     table = None if found else _table(points, finder.first, steps)
     if table is not None:
-        found = fit_focus(steps, table, points.case.microscope.aperture)
+        found = fit_focus(steps, table, table.middle, table.ends)
     if table is None or not isinstance(found, FocusFit):
         _refuse(found, where, report)
         return None
@@ -95,9 +99,8 @@ def _points(finder: PartFinder) -> EdgePoints | None:
     case = first.region.case
     if first.x_um is None or first.y_um is None:
         return None
-    turn = 0.0 if first.turn_rad is None else first.turn_rad - case.theta_rad
-    at_px = case.frame.to_pixel(first.x_um, first.y_um)
-    return points_seen(case, first.shown, at_px, case.target.theta_rad + turn)
+    theta = case.target.theta_rad + first.pose[2]
+    return points_seen(case, first.shown, first.at_px, theta)
 
 
 def _steps(
@@ -130,12 +133,18 @@ def _steps(
 def _table(
     points: EdgePoints, first: MeasuredPicture, steps: Sequence[FocusStep]
 ) -> ProfileTable | None:
-    """Return the images' profiles at all defocus that steps may have."""
-    best, case = sharpest_um(steps), points.case
-    most_um = _BEYOND * max(abs(step.z_um - best) for step in steps)
-    x_um, y_um = (first.x_um or 0.0) - case.x_um, (first.y_um or 0.0) - case.y_um
-    turn = 0.0 if first.turn_rad is None else first.turn_rad - case.theta_rad
-    return profile_table(points, (x_um, y_um, turn), most_um)
+    """Return the images' profiles at all defocus and apertures that steps may have."""
+    aperture, table = points.case.microscope.aperture, None
+    numbers = np.array([aperture, sharpest_um(steps), 1.0])
+    for _ in range(_TABLES):
+        most_um = _BEYOND * most_defocus_um(steps, numbers)
+        table = profile_table(points, first.pose, most_um, float(numbers[0]))
+        if table is None:
+            return None
+        numbers = suited(steps, table, table.middle, table.ends)
+        if table.holds(most_defocus_um(steps, numbers), float(numbers[0])):
+            return table
+    return table
 
 
 def _series(
@@ -176,8 +185,7 @@ def _curves(
     chosen = np.unique(np.linspace(0, len(steps) - 1, _DRAWN).round().astype(int))
     for step in (steps[k] for k in chosen.tolist()):
         meant = table(numbers[2] * (step.z_um - numbers[1]), numbers[0])
-        design = np.column_stack([np.ones(len(meant)), meant, np.gradient(meant)])
-        line = design @ np.linalg.lstsq(design, step.profile, rcond=None)[0]
+        line, _ = in_light_of(step, meant)
         name = f"edge at focus reading {step.z_um:g} um"
         found[name] = CalibrationCurve(
             points=list(zip(across.tolist(), step.profile.tolist(), strict=True)),

@@ -19,7 +19,9 @@ from microplan.planner.calibration.through_focus.edge_profile import (
     plain_profile,
 )
 
-_SHARES = (0.7, 0.8, 0.9, 1.0, 1.12, 1.3)  # of the stated aperture: columns
+_SHARES = (0.7, 0.8, 0.9, 1.0, 1.12, 1.3)  # of an aperture about right: columns
+_STEEPEST = 0.99  # of the medium's index: no lens is wider
+_APART = 0.97  # of the last column, at most, the one before it
 _PER_DEPTH = 4.0  # rows in a depth of field
 _FEWEST, _MOST = 7, 25  # rows
 
@@ -54,9 +56,30 @@ class ProfileTable:
         profiles = self.by_defocus(z_um)
         return np.asarray(CubicSpline(self.apertures, profiles, axis=0)(a))
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Return the smallest aperture and the largest."""
+        return float(self.apertures[0]), float(self.apertures[-1])
+
+    @property
+    def middle(self) -> float:
+        """Return an aperture in the middle."""
+        return float(self.apertures[len(self.apertures) // 2])
+
+    def holds(self, most_um: float, aperture: float) -> bool:
+        """Return whether a defocus and an aperture lie inside, half a column at least.
+
+        At the ends profiles no longer change, and suit as well as those beyond.
+        """
+        low, high = (self.apertures[[0, -2]] + self.apertures[[1, -1]]) / 2
+        return bool(low < aperture < high and most_um < self.most_um)
+
 
 def profile_table(
-    points: EdgePoints, pose: tuple[float, float, float], most_um: float
+    points: EdgePoints,
+    pose: tuple[float, float, float],
+    most_um: float,
+    aperture: float,
 ) -> ProfileTable | None:
     """Return the profiles of a part's edges in images through focus.
 
@@ -68,13 +91,13 @@ def profile_table(
         Of the target, um and rad from nominal.
     most_um : float
         Largest defocus.
+    aperture : float
+        About that of the lens, in the middle of the table.
     """
-    scope = points.case.microscope
+    scope = replace(points.case.microscope, aperture=aperture)
     count = math.ceil(_PER_DEPTH * most_um / scope.wave_depth_um)
     defocus = np.linspace(0, most_um, min(max(count, _FEWEST), _MOST))
-    apertures = np.minimum(
-        np.array(_SHARES) * scope.aperture, 0.95 * scope.medium_index
-    )
+    apertures = columns(aperture, scope.medium_index)
     rows = []
     for z_um in defocus.tolist():
         row = [_profile(points, pose, z_um, each) for each in apertures.tolist()]
@@ -82,6 +105,14 @@ def profile_table(
             return None
         rows.append([each for each in row if each is not None])
     return ProfileTable.of(defocus, apertures, np.array(rows))
+
+
+def columns(aperture: float, index: float) -> FloatArray:
+    """Return apertures about one in a medium, rising, (A,)."""
+    most = _STEEPEST * index
+    found = np.array(_SHARES) * min(aperture, most)
+    inside = found[found < _APART * most]
+    return np.append(inside, most) if found[-1] > most else found
 
 
 def _profile(

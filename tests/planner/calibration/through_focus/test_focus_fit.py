@@ -88,3 +88,17 @@ def test_steps_that_do_not_tell_aperture_from_focus_are_refused() -> None:
     assert "0 above it" in refused(steps(np.arange(-9, 1.0).tolist()))
     near = steps(np.linspace(0.6, 0.8, 9).tolist(), noise=0.05)
     assert "the aperture is" in refused(near) or "sharpest" in refused(near)
+
+
+def test_an_aperture_at_the_end_of_what_is_tried_is_refused() -> None:
+    for within in ((0.1, 0.38), (0.42, 0.9)):
+        found = fit_focus(steps(READINGS), edge, 0.4, within)
+        assert isinstance(found, Refused)
+        assert "is the end of what is tried" in found.why
+        assert "numerical_aperture" in found.take
+
+
+def test_profiles_that_no_aperture_changes_are_refused() -> None:
+    found = fit_focus(steps(READINGS), lambda z_um, _: edge(z_um, 0.4), 0.42)
+    assert isinstance(found, Refused)
+    assert "the aperture is 0.42" in found.why

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,23 +29,49 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def lens() -> Rig:
+def lens(aperture: float = APERTURE) -> Rig:
     """Return a frame under a lens of another aperture, focused lower than it reads."""
-    return replace(rig(FRAME), optics=replace(LENS, aperture=APERTURE, focus_um=-0.7))
+    optics = replace(LENS, aperture=aperture, focus_um=-ZERO_UM)
+    return replace(rig(FRAME), optics=optics)
 
 
-def call(folder: Path, pictures: Path, *words: str) -> int:
-    cell = ("--workcell", str(folder / "workcell.yaml"))
+def call(folder: Path, pictures: Path, *words: str, cell: str = "workcell") -> int:
+    workcell = ("--workcell", str(folder / f"{cell}.yaml"))
     part = ("--part", str(folder / "frame.dxf"), "--magnification", "20")
-    return main(["calibrate", str(pictures), *cell, *part, "--near", NEAR, *words])
+    return main(["calibrate", str(pictures), *workcell, *part, "--near", NEAR, *words])
 
 
-def test_aperture_and_focus_come_out_within_their_deviations(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def pictures(folder: Path) -> Path:
+    """Return focus steps."""
     readings = np.linspace(-5.3, 6.7, 9).tolist()
     steps = [Reading(focus_um=z_um) for z_um in readings]
-    pictures, out = write_readings(folder / "steps", lens(), steps), folder / "new.yaml"
-    assert call(folder, pictures, "-o", str(out)) == 0
-    new = yaml.safe_load(out.read_text(encoding="utf-8"))
+    return write_readings(folder / "steps", lens(), steps)
+
+
+def stating(folder: Path, aperture: float) -> str:
+    """Write a workcell that states an aperture, and return its name."""
+    text = (folder / "workcell.yaml").read_text(encoding="utf-8")
+    stated = text.replace("numerical_aperture: 0.42", f"numerical_aperture: {aperture}")
+    assert stated != text
+    name = f"stating_{aperture}"
+    (folder / f"{name}.yaml").write_text(stated, encoding="utf-8")
+    return name
+
+
+def told(folder: Path, pictures: Path, cell: str) -> Any:
+    """Return the workcell that a call writes."""
+    out = folder / f"new_{cell}.yaml"
+    assert call(folder, pictures, "-o", str(out), cell=cell) == 0
+    return yaml.safe_load(out.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("stated", [0.42, 0.28, 0.56])
+def test_aperture_and_focus_come_out_within_their_deviations(
+    folder: Path, pictures: Path, stated: float
+) -> None:
+    """Of a workcell, too, whose aperture is .7 or 1.4 of the true one."""
+    new = told(folder, pictures, stating(folder, stated) if stated != 0.42 else "workcell")
     how = new["calibrated"]
     assert new["optics"]["numerical_aperture"] == how["numerical_aperture"]["value"]
     for key, true in (
