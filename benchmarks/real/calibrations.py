@@ -79,7 +79,7 @@ class CalibrationBench:
         series = calibrated(call, report)
         if report.failed:
             raise RuntimeError(str(report.found[0]))
-        return list(first_of_each(series))
+        return list(first_of_each(series, Span(file="twin"), report))
 
     def judge(self, kind: str, pictures: Path, truth: CalibrationTruth) -> None:
         """Take the pulls of one series, as a normal distribution would have them."""

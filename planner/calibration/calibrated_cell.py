@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,13 +27,19 @@ from microplan.planner.calibration.through_focus.focus_series import focus_axis
 from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.measure.part_task import PartCall
 from microplan.planner.measure.picture_files import PictureError, files_of
-from microplan.planner.source.diagnostics import CallError, Report, Span
+from microplan.planner.source.diagnostics import (
+    CallError,
+    Diagnostic,
+    Report,
+    Span,
+)
 from microplan.planner.source.schema import Checked, check
 from microplan.planner.source.source import parse
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.camera.check_camera import BITS, check_camera
 
-_STATED = ("response", "black_level", "white_level", "full_well_e", "read_noise_e")
+_STATED = ("response", "black_level", "white_level", "full_well_e")
+_APART = 3.0  # standard deviations: two series contradict each other
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +81,8 @@ def _still(
     files: Sequence[Path | PictureError], call: CalibrateCall, report: Report
 ) -> CalibrationSeries | None:
     """Return what frames of a still scene tell."""
-    noise = camera_noise(files, _camera_bits(call.cell), call.bits, report)
+    black = stated_numbers(call.cell).get("black_level")
+    noise = camera_noise(files, _camera_bits(call.cell), call.bits, report, black)
     return None if noise is None else noise.series
 
 
@@ -96,10 +104,10 @@ def _with_readings(
     if finder is None:
         return None
     if readings.kind == "focus":
-        aperture = call.cell.source.get("optics", "numerical_aperture")
-        stated = float(aperture) if isinstance(aperture, int | float) else None
+        stated = _number(call.cell, "optics", "numerical_aperture")
         return focus_axis(readings, finder, intake, stated)
-    return stage_axes(readings, PartPlaces(finder=finder, intake=intake))
+    places = PartPlaces(finder=finder, intake=intake)
+    return stage_axes(readings, places, _number(call.cell, "optics", "distortion"))
 
 
 def _camera_bits(cell: Checked) -> int:
@@ -109,17 +117,65 @@ def _camera_bits(cell: Checked) -> int:
 
 def stated_numbers(cell: Checked) -> Mapping[str, float]:
     """Return the numbers that a workcell states of its camera, by key."""
-    said = {key: cell.source.get("camera", key) for key in _STATED}
-    return {k: float(v) for k, v in said.items() if isinstance(v, int | float)}
+    said = {key: _number(cell, "camera", key) for key in _STATED}
+    return {key: number for key, number in said.items() if number is not None}
 
 
-def first_of_each(series: Sequence[CalibrationSeries]) -> Iterator[CalibratedValue]:
-    """Yield the values of all series; of those with one key the first."""
-    seen: set[str] = set()
-    for value in (value for each in series for value in each.values):
-        if value.key not in seen:
-            seen.add(value.key)
-            yield value
+def _number(cell: Checked, section: str, key: str) -> float | None:
+    """Return a number that a workcell states, None if it states none there."""
+    said = cell.source.get(section, key)
+    return float(said) if isinstance(said, int | float) else None
+
+
+def first_of_each(
+    series: Sequence[CalibrationSeries], where: Span, report: Report
+) -> list[CalibratedValue]:
+    """Return the values of all series; of those with one key the first.
+
+    Parameters
+    ----------
+    series : sequence of CalibrationSeries
+        In the order of the call.
+    where : Span
+        What findings are about.
+    report : Report
+        Receives MP904 for each value that is left out.
+    """
+    held: dict[str, tuple[CalibratedValue, str]] = {}
+    for each in series:
+        for value in each.values:
+            first, heading = held.setdefault(value.key, (value, each.heading))
+            if first is not value:
+                message = f"{value.key}: {_shown(first)} by the {heading}, "
+                message += f"{_shown(value)} by the {each.heading}; "
+                message += _judged(first, value) + "the first is taken"
+                hint = "calibrate with one series of a kind at a time"
+                report.warning("MP904", where, message, hint)
+    return [value for value, _ in held.values()]
+
+
+def _shown(value: CalibratedValue) -> str:
+    """Return a value in words."""
+    if not isinstance(value.value, float):
+        return f"a table of {len(value.value)} rows"
+    (sigma,) = value.sigma
+    return f"{value.value:.5g}" + (f" +- {sigma:.2g}" if sigma else "")
+
+
+def _judged(first: CalibratedValue, other: CalibratedValue) -> str:
+    """Return whether two values contradict each other, in words, "" if not known."""
+    if not (isinstance(first.value, float) and isinstance(other.value, float)):
+        return ""
+    sigma = math.hypot(first.sigma[0] or 0.0, other.sigma[0] or 0.0)
+    off = abs(first.value - other.value)
+    if not sigma:
+        return ""
+    words = f"{off / sigma:.2g} standard deviations apart"
+    return (
+        f"{words}: they contradict each other; "
+        if off > _APART * sigma
+        else f"{words}; "
+    )
 
 
 def calibrated_text(
@@ -146,8 +202,21 @@ def calibrated_text(
     before = len(report.found)
     cell = check(source, "workcell", "microplan_workcell", report)
     check_camera(cell, report)
-    if any(each.severity == "error" for each in report.found[before:]):
+    wrong = [each for each in report.found[before:] if each.severity == "error"]
+    if wrong:
         message = "values that were found are none of a workcell; nothing is written"
-        report.error("MP904", at, message, "take the pictures again")
+        report.error("MP904", at, message, _at_fault(cell, values, wrong))
         return None
     return new
+
+
+def _at_fault(
+    cell: Checked, values: Sequence[CalibratedValue], wrong: Sequence[Diagnostic]
+) -> str:
+    """Return how to mend values that errors contradict: by keys stated beside them."""
+    found, said = {value.where for value in values}, " ".join(e.message for e in wrong)
+    camera = cell.source.get("camera")
+    stated = [key for key in camera if key in said and ("camera", key) not in found]
+    if stated:
+        return f"mend {' and '.join(f'camera.{key}' for key in stated)} in the workcell"
+    return "take the pictures again"

@@ -17,7 +17,7 @@ from microplan.planner.calibration.calibrated_value import (
     PictureSource,
     single,
 )
-from microplan.planner.calibration.count_levels import count_levels
+from microplan.planner.calibration.count_levels import CountLevels, count_levels
 from microplan.planner.calibration.estimates import BlockEstimate, Refused
 from microplan.planner.calibration.noise_line import NoiseLine
 from microplan.planner.calibration.photon_transfer import pooled_rows
@@ -38,7 +38,7 @@ from microplan.planner.calibration.still_frames import StillScene
 from microplan.planner.source.diagnostics import Span
 
 _MOST_PX = 60_000  # of a picture that are kept, evenly over it: more are not fitted
-_MOST_LIGHTS = 256  # 3 MiB each
+_MOST_LIGHTS = 256  # 4 MiB each
 _STRAIGHT = 3.0  # standard deviations of a power from 1
 _LEVELS = 60  # of a drawn curve
 
@@ -49,15 +49,17 @@ class LightScenes:
 
     top: int = 0
     scenes: dict[float, StillScene] = field(default_factory=dict)
+    numbers: dict[float, list[int]] = field(default_factory=dict)  # of pictures
 
-    def add(self, light: float, counts: FloatArray, top: int) -> None:
+    def add(self, light: float, counts: FloatArray, intake: PictureIntake) -> None:
         """Take a picture (rows, columns), counts, of which some pixels are kept."""
-        every = math.ceil(math.sqrt(counts.size / _MOST_PX))
-        frame, self.top = counts[::every, ::every], top
+        self.top = intake.top
+        self.numbers.setdefault(light, []).append(intake.taken)
         if light in self.scenes:
-            self.scenes[light].add(frame)
+            self.scenes[light].add(counts)
         else:
-            self.scenes[light] = StillScene.of(np.ascontiguousarray(frame), top)
+            every = math.ceil(math.sqrt(counts.size / _MOST_PX))
+            self.scenes[light] = StillScene.of(counts, self.top, every=every)
 
     @property
     def steps(self) -> list[LightStep]:
@@ -84,7 +86,7 @@ def camera_response(
     """
     found, where = LightScenes(), Span(file=str(readings.file))
     for row, page in readings_of_pages(readings, intake):
-        found.add(row.light, page.counts, intake.top)
+        found.add(row.light, page.counts, intake)
         if len(found.scenes) > _MOST_LIGHTS:
             message = f"more than {_MOST_LIGHTS} different lights"
             hint = "ten to fifty tell as much; state a light's reading as it was set"
@@ -97,43 +99,55 @@ def camera_response(
     levels = count_levels(codes, found.top)
     if not intake.fits(levels.highest, where):
         return None
-    fit = fit_response(found.steps, found.top)
+    fit = fit_response(found.steps, found.top, _white(levels, stated, intake, where))
     if isinstance(fit, Refused):
         message = f"no {fit.what}: {fit.why}"
         intake.report.error(CODE, where, message, f"photograph {fit.take}")
         return None
     doubts(levels, code_use(codes, intake.camera_bits), where, intake.report)
-    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
-    return _series(fit, found, source, stated)
+    noise = _noise(found, intake, fit.black.value)
+    return _series(fit, found, noise, intake.source(), stated)
+
+
+def _white(
+    levels: CountLevels,
+    stated: Mapping[str, float],
+    intake: PictureIntake,
+    where: Span,
+) -> float | None:
+    """Return the stated count of saturation, None if counts contradict it."""
+    white, message = stated.get("white_level"), ""
+    if white is None:
+        return None
+    if levels.white_level is None and levels.highest > white:
+        message = f"counts reach {levels.highest}"
+    elif levels.white_level is not None and levels.white_level != white:
+        message = f"counts are saturated at {levels.white_level}"
+    if not message:
+        return white
+    message += f", the workcell's white_level is {white:g}"
+    hint = "mend camera.white_level in the workcell"
+    intake.report.warning(CODE, where, message, hint)
+    return None
 
 
 def _series(
     fit: ResponseFit,
     found: LightScenes,
+    noise: NoiseByLevel | None,
     source: PictureSource,
     stated: Mapping[str, float],
 ) -> CalibrationSeries:
     """Return a response as lines of a workcell, with the noise where it is told."""
     values = [_response(fit, source, stated)]
-    black = stated.get("black_level", 0.0)
-    where = ("camera", "black_level")
-    dark = single(
-        "black_level", fit.black, source, unit="counts", where=where, stated=black
-    )
-    values.append(dark)
+    values.append(_level("black_level", fit.black, source, stated))
     if fit.white_is_seen:
-        white = BlockEstimate(
-            value=fit.white,
-            sigma=None,
-            method="count at which pixels pile up",
-            blocks=1,
-        )
-        where = ("camera", "white_level")
-        values.append(single("white_level", white, source, unit="counts", where=where))
-    noise = _noise(found, source)
+        method = "count at which pixels pile up"
+        white = BlockEstimate(value=fit.white, sigma=None, method=method, blocks=1)
+        values.append(_level("white_level", white, source, stated))
     curves = {"response": _curve(fit, found.steps)}
     if noise is not None:
-        values += [*noise.series.values, *_full_well(noise.line, fit, source, stated)]
+        values += [*noise.series.values, *_full_well(noise, fit, stated)]
         curves |= noise.series.curves
     return CalibrationSeries(
         heading=f"response in {source.pictures} pictures of {fit.lights} lights",
@@ -143,22 +157,29 @@ def _series(
     )
 
 
+def _level(
+    key: str, found: BlockEstimate, source: PictureSource, stated: Mapping[str, float]
+) -> CalibratedValue:
+    """Return a level, counts, as a line of the workcell."""
+    at, known = ("camera", key), stated.get(key)
+    return single(key, found, source, unit="counts", where=at, stated=known)
+
+
 def _full_well(
-    line: NoiseLine | Refused,
+    noise: NoiseByLevel,
     fit: ResponseFit,
-    source: PictureSource,
     stated: Mapping[str, float],
 ) -> Iterator[CalibratedValue]:
     """Yield the electrons of full scale, where noise and response are those of photons.
 
     Beside the table, which has all of the noise.
     """
-    gamma = fit.gamma
+    line, gamma = noise.line, fit.gamma
     straight = abs(gamma.value - 1) <= _STRAIGHT * (gamma.sigma or 0.0)
     if isinstance(line, NoiseLine) and line.suffices and straight:
         well = line.full_well_e(fit.black.value, fit.white)
         at = ("camera", "full_well_e")
-        known = stated.get("full_well_e")
+        known, source = stated.get("full_well_e"), noise.source
         yield single("full_well_e", well, source, unit="e", where=at, stated=known)
 
 
@@ -168,7 +189,7 @@ def _response(
     """Return the power or the table of a response."""
     where = ("camera", "response")
     if fit.kind == "power":
-        power = stated.get("response", 1.0)
+        power = stated.get("response")
         return single("response", fit.gamma, source, where=where, stated=power)
     return CalibratedValue(
         key="response",
@@ -181,17 +202,26 @@ def _response(
     )
 
 
-def _noise(found: LightScenes, source: PictureSource) -> NoiseByLevel | None:
+def _noise(
+    found: LightScenes, intake: PictureIntake, black_level: float
+) -> NoiseByLevel | None:
     """Return the noise of lights with enough frames, None if there are none."""
-    scenes = [s for s in found.scenes.values() if s.frames >= FEWEST_FRAMES]
-    if not scenes:
+    used = {k: s for k, s in found.scenes.items() if s.frames >= FEWEST_FRAMES}
+    if not used:
         return None
+    scenes = list(used.values())
     levels = count_levels(np.sum([scene.codes for scene in scenes], axis=0), found.top)
     rows = pooled_rows(scenes, levels)
     frames = sum(scene.frames for scene in scenes)
     if not rows:
         return None
-    return NoiseByLevel(frames=frames, levels=levels, rows=rows, source=source)
+    return NoiseByLevel(
+        frames=frames,
+        levels=levels,
+        rows=rows,
+        source=intake.source({n for light in used for n in found.numbers[light]}),
+        black_level=black_level,
+    )
 
 
 def _words(fit: ResponseFit, found: LightScenes) -> list[str]:

@@ -9,8 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from microplan.arrays import FloatArray
 from microplan.optics.lens.sensor import ROUNDING
-from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.estimates import (
+    BlockEstimate,
+    Refused,
+    jackknife_vector,
+)
 from microplan.planner.calibration.photon_transfer import CHART, FLAT, NoiseRow
 
 _FEWEST_ROWS = 5  # of which a line, two numbers, leaves three to judge it
@@ -79,31 +84,33 @@ def noise_line(rows: Sequence[NoiseRow]) -> NoiseLine | Refused:
         return Refused(what="line of noise over level", why=why, take=CHART)
     level = np.array([row.level for row in known])
     variance = np.array([row.variance for row in known])
-    pixels = np.array([row.pixels for row in known], dtype=np.float64)
     spread = np.array([row.sigma for row in known], dtype=np.float64) / variance
+    pixels = np.array([row.pixels for row in known], dtype=np.float64)
     share = math.sqrt(float(np.mean(spread**2 * pixels))) / np.sqrt(pixels)
+    triples = np.stack([level, variance, share], axis=1)
+    line = jackknife_vector(
+        lambda some: _line(np.array(some)),
+        list(triples),
+        method="weighted line through variances of levels, levels left out in turn",
+    )
+    meant = line.values[0] + line.values[1] * level
+    off = (variance - meant) / np.maximum(meant, variance.min() / 2)
+    square = float(np.sum(off**2 / (share**2 + FLAT**2)))
+    return NoiseLine(
+        gain=line.one(1),
+        at_zero=line.one(0),
+        chance=float(chi2.sf(square, len(known) - 2)),
+        departure=math.sqrt(float(np.mean(off**2))),
+    )
+
+
+def _line(rows: FloatArray) -> FloatArray:
+    """Return the line, (2,), of rows (N, 3): level, variance, its error's share."""
+    level, variance, share = rows.T
     design = np.stack([np.ones_like(level), level], axis=1)
     line, found = np.zeros(2), variance
     for _ in range(_ROUNDS):
         sigma = np.maximum(share * found, 1e-9)
         line = np.linalg.lstsq(design / sigma[:, None], variance / sigma, rcond=None)[0]
         found = np.maximum(design @ line, variance.min() / 2)
-    scaled = design / np.maximum(share * found, 1e-9)[:, None]
-    errors = np.sqrt(np.diag(np.linalg.pinv(scaled.T @ scaled)))
-    off = (variance - design @ line) / found
-    square = float(np.sum(off**2 / (share**2 + FLAT**2)))
-    estimates = [
-        BlockEstimate(
-            value=float(value),
-            sigma=float(error),
-            method="weighted line through variances of levels",
-            blocks=len(known),
-        )
-        for value, error in zip(line, errors, strict=True)
-    ]
-    return NoiseLine(
-        gain=estimates[1],
-        at_zero=estimates[0],
-        chance=float(chi2.sf(square, len(known) - 2)),
-        departure=math.sqrt(float(np.mean(off**2))),
-    )
+    return np.asarray(line)

@@ -53,7 +53,7 @@ def noise_rows(scene: StillScene, levels: CountLevels) -> tuple[NoiseRow, ...]:
     """
     mean, variance = scene.mean, scene.variance
     clear = _clear(scene, levels)
-    flat = _is_flat(mean, variance, clear)
+    flat = _is_flat(scene, clear)
     tiles = _tiles(mean.shape)
     rows = [
         _row(mean, variance, tiles, chosen) for chosen in _by_level(mean, flat, scene)
@@ -112,19 +112,16 @@ def _clear(scene: StillScene, levels: CountLevels) -> BoolArray:
     return np.asarray(spared & (scene.mean > off) & (scene.mean < white - off))
 
 
-def _is_flat(mean: FloatArray, variance: FloatArray, clear: BoolArray) -> BoolArray:
+def _is_flat(scene: StillScene, clear: BoolArray) -> BoolArray:
     """Return where vibration adds little to the noise, (rows, columns).
 
     What it adds is the squared slope times its own variance, of each axis, which are
     fitted to what variances exceed the usual one of their level by.
     """
-    if min(mean.shape) < 2 or not clear.any():
+    variance, (down, across) = scene.variance, scene.slopes**2
+    if min(variance.shape) < 2 or not clear.any():
         return clear
-    down, across = (
-        np.asarray(np.gradient(mean, axis=axis), dtype=np.float64) ** 2
-        for axis in (0, 1)
-    )
-    usual = np.maximum(_usual(mean, variance, clear), ROUNDING)
+    usual = np.maximum(_usual(scene.mean, variance, clear), ROUNDING)
     slopes = np.stack([down[clear], across[clear]], axis=1) / usual[clear][:, None]
     excess = (variance / usual - 1)[clear]
     shaken = np.asarray(nnls(slopes.T @ slopes, slopes.T @ excess)[0])

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from microplan.planner.calibration.calibrated_value import PictureSource
 from microplan.planner.measure.picture_files import (
     PictureCounts,
     PictureError,
@@ -27,11 +28,11 @@ class PictureIntake:
     bits: int | None  # of the pictures, if that is stated
     top: int = 0  # full scale, counts
     taken: int = 0
-    digest: str = ""  # sha256 of the hashes of the counts, in their order
     met: set[str] = field(default_factory=set)  # names of pictures, copies too
     _size: tuple[int, int] | None = None
     _first: str = ""
     _seen: dict[bytes, int] = field(default_factory=dict)
+    _copies: list[tuple[str, Path, int]] = field(default_factory=list)
 
     def pages(self, files: Sequence[Path | PictureError]) -> Iterator[PictureCounts]:
         """Yield the pictures of files; what cannot be used is reported."""
@@ -44,6 +45,18 @@ class PictureIntake:
                     self._refuse(page)
                 elif self._is_new(page):
                     yield page
+        self._report_copies()
+
+    def source(self, numbers: Collection[int] | None = None) -> PictureSource:
+        """Return the pictures taken, with a hash of the hashes of their counts.
+
+        Those of some numbers, counted from 1 as they are `taken`, or all.
+        """
+        keys = [k for k, n in self._seen.items() if numbers is None or n in numbers]
+        digest = ""
+        for key in keys:
+            digest = hashlib.sha256(digest.encode() + key).hexdigest()
+        return PictureSource(pictures=len(keys), sha256=digest)
 
     def fits(self, highest: float, where: Span) -> bool:
         """Return whether counts fit the workcell's camera; else report it."""
@@ -72,19 +85,26 @@ class PictureIntake:
         """Report a picture that cannot be used."""
         self.report.error(error.code, Span(file=error.file), str(error), error.hint)
 
+    def _report_copies(self) -> None:
+        """Report pictures that are copies, all at once: there may be many."""
+        if not self._copies:
+            return
+        (name, path, number), more = self._copies[0], len(self._copies) - 1
+        message = f"{name} has exactly the pixels of picture {number} of its series"
+        message += f", and {more} more are copies" if more else ""
+        hint = "take another picture: a copy has no noise of its own"
+        self.report.warning(CODE, Span(file=str(path)), message, hint)
+        self._copies.clear()
+
     def _is_new(self, page: PictureCounts) -> bool:
         """Return whether a picture is no copy; it is taken then, else reported."""
         self.met.add(page.name)
         key = hashlib.sha256(page.counts.tobytes()).digest()
         if key in self._seen:
-            message = f"{page.name} has exactly the pixels of picture "
-            message += f"{self._seen[key]} of its series"
-            hint = "take another picture: a copy has no noise of its own"
-            self.report.warning(CODE, Span(file=str(page.path)), message, hint)
+            self._copies.append((page.name, page.path, self._seen[key]))
             return False
         self.taken += 1
         self._seen[key] = self.taken
-        self.digest = hashlib.sha256(self.digest.encode() + key).hexdigest()
         if self._size is None:
             rows, columns = page.counts.shape
             self._size, self._first = (rows, columns), page.name

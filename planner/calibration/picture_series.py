@@ -34,6 +34,7 @@ class NoiseByLevel:
     levels: CountLevels
     rows: tuple[NoiseRow, ...]
     source: PictureSource
+    black_level: float | None  # counts without light; None: not known
 
     @property
     def line(self) -> NoiseLine | Refused:
@@ -62,7 +63,7 @@ class NoiseByLevel:
         return CalibrationSeries(
             heading=f"noise in {self.frames} pictures",
             values=(table,),
-            notes=(*_by_level(self.rows), _line_words(line)),
+            notes=(*_by_level(self.rows), _line_words(line, self.black_level)),
             curves={"photon transfer": CalibrationCurve(points=points, line=through)},
         )
 
@@ -72,6 +73,7 @@ def camera_noise(
     camera_bits: int,
     bits: int | None,
     report: Report,
+    black_level: float | None = None,
 ) -> NoiseByLevel | None:
     """Return what frames of a still scene tell of a camera, None if too little.
 
@@ -87,6 +89,8 @@ def camera_noise(
     report : Report
         Receives MP901 for pictures that cannot be used, MP904 for what all of them do
         not tell.
+    black_level : float, optional
+        As stated, counts.
     """
     intake = PictureIntake(report=report, camera_bits=camera_bits, bits=bits)
     scene: StillScene | None = None
@@ -95,6 +99,8 @@ def camera_noise(
             scene = StillScene.of(page.counts, intake.top)
         else:
             scene.add(page.counts)
+    if scene is None and report.failed:
+        return None
     where = Span(file=str(files[0]) if files else "")
     if scene is None or scene.frames < FEWEST_FRAMES:
         message = f"{intake.taken} pictures tell no noise, {FEWEST_FRAMES} are needed"
@@ -111,8 +117,13 @@ def camera_noise(
     doubts(levels, code_use(scene.codes, camera_bits), where, report)
     if not rows:
         return None
-    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
-    return NoiseByLevel(frames=scene.frames, levels=levels, rows=rows, source=source)
+    return NoiseByLevel(
+        frames=scene.frames,
+        levels=levels,
+        rows=rows,
+        source=intake.source(),
+        black_level=black_level,
+    )
 
 
 def doubts(
@@ -151,7 +162,7 @@ def _by_level(rows: Sequence[NoiseRow]) -> list[str]:
     return lines
 
 
-def _line_words(line: NoiseLine | Refused) -> str:
+def _line_words(line: NoiseLine | Refused, black: float | None) -> str:
     """Return whether photons and read noise explain the noise."""
     if isinstance(line, Refused):
         return f"no {line.what}: {line.why}; photograph {line.take}"
@@ -161,4 +172,7 @@ def _line_words(line: NoiseLine | Refused) -> str:
     words = f"photons and read noise explain it: {electrons:.4g}"
     if line.gain.sigma is not None:
         words += f" +- {electrons * line.gain.sigma / line.gain.value:.2g}"
-    return f"{words} electrons a count, {line.read_noise_e(0.0):.3g} of read noise"
+    words += " electrons a count"
+    if black is None:  # in darkness counts are not 0
+        return words
+    return f"{words}, {line.read_noise_e(black):.3g} of read noise"

@@ -23,6 +23,8 @@ COLUMNS: Mapping[str, str] = {
     "z_um": "z_um", "focus_um": "z_um",
 }  # fmt: skip
 _NUMBERS = ("x_um", "y_um", "z_um", "light")
+_MOST_UM, _MOST_LIGHT = 1e6, 1e12  # of readings: beyond they are in another unit
+_MOST_SHOWN = 200  # characters of a line
 _MOST_BYTES = 1 << 24  # of a table: some 300 000 pictures
 _PAGE = "a picture of a file of several is named FILE[NUMBER], counted from 0"
 
@@ -44,8 +46,13 @@ class PictureReading:
         for name in _NUMBERS:
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
-        if self.light < 0:
-            raise ValueError(f"light must be 0 or more, got {self.light}")
+        if not 0 <= self.light <= _MOST_LIGHT:
+            limits = f"0 or more, and at most {_MOST_LIGHT:g}"
+            raise ValueError(f"light must be {limits}, got {self.light:g}")
+        for name in _NUMBERS[:3]:
+            if abs(getattr(self, name)) > _MOST_UM:
+                got = f"got {getattr(self, name):g}"
+                raise ValueError(f"{name} must be within {_MOST_UM:g}, {got}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +106,8 @@ def _wrong(
     file: Path, report: Report, message: str, hint: str, line: int = 0, text: str = ""
 ) -> None:
     """Report what is wrong with a table."""
-    at = Span(file=str(file), line=line, column=1 if line else 0, text=text)
+    shown = text[:_MOST_SHOWN]
+    at = Span(file=str(file), line=line, column=1 if line else 0, text=shown)
     report.error(CODE, at, message, hint)
 
 
@@ -121,7 +129,10 @@ def _lines(file: Path, report: Report) -> list[str] | None:
 def _head(file: Path, lines: Sequence[str], report: Report) -> list[str]:
     """Return what each column states; [] if that is not clear."""
     first = lines[0] if lines else ""
-    said = [name.strip() for name in next(csv.reader(io.StringIO(first)), [])]
+    said = _cells(first)
+    if isinstance(said, str):
+        _wrong(file, report, said, "a short name for each column", 1, first)
+        return []
     hint = "columns: " + ", ".join(COLUMNS) + "; separated by commas"
     unknown = [name for name in said if name not in COLUMNS]
     found = [COLUMNS.get(name, "") for name in said]
@@ -146,8 +157,8 @@ def _rows(
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
             continue
-        cells = [cell.strip() for cell in next(csv.reader(io.StringIO(line)))]
-        row = _row(names, cells)
+        cells = _cells(line)
+        row = cells if isinstance(cells, str) else _row(names, cells)
         if isinstance(row, str):
             _wrong(file, report, row, "a cell for each column", number, line)
         elif row.name in seen:
@@ -156,6 +167,21 @@ def _rows(
         else:
             seen[row.name] = number
             yield row
+
+
+def _cells(line: str) -> list[str] | str:
+    """Return the cells of a line, or why there are none."""
+    try:
+        return [cell.strip() for cell in next(csv.reader(io.StringIO(line)), [])]
+    except csv.Error as error:
+        return f"the line is no row of a table: {error}"
+
+
+def _number(text: str) -> float:
+    """Return a number of digits, ValueError if it is none as tables have them."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"no number: {text!r}")
+    return float(text)
 
 
 def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
@@ -170,9 +196,9 @@ def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
     for each in _NUMBERS:
         if each in said:
             try:
-                values[each] = float(said[each])
+                values[each] = _number(said[each])
             except ValueError:
-                return f"{each} of {name} is no number: {said[each]!r}"
+                return f"{each} of {name} is no number: {said[each][:_MOST_SHOWN]!r}"
     try:
         return PictureReading(name=name, group=said.get("group", ""), **values)
     except ValueError as error:

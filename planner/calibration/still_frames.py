@@ -30,11 +30,20 @@ class StillScene:
     highest: FloatArray
     codes: IntArray  # (65536,): how often each count occurs
     top: int  # full scale, counts
+    every: int  # of rows and columns one in so many is kept
+    # (2, rows, columns): sum of all frames' slopes, down and across, counts a pixel of
+    # the whole frame
+    steep: FloatArray
     _last: FloatArray = field(repr=False)
 
     @classmethod
-    def of(cls, first: FloatArray, top: int) -> Self:
-        """Return the scene after one frame, (rows, columns) counts 0..`top`."""
+    def of(cls, first: FloatArray, top: int, *, every: int = 1) -> Self:
+        """Return the scene after one frame, (rows, columns) counts 0..`top`.
+
+        Of its rows and columns one in `every` is kept, of later frames, too.
+        """
+        steep = _steep(first, every)
+        first = np.ascontiguousarray(first[::every, ::every])
         return cls(
             frames=1,
             total=first.copy(),
@@ -43,6 +52,8 @@ class StillScene:
             highest=first.copy(),
             codes=_counted(first),
             top=top,
+            every=every,
+            steep=steep,
             _last=first,
         )
 
@@ -52,6 +63,8 @@ class StillScene:
         Of two frames a, b whose light differs by a factor f the difference b - f a has
         (1 + f^2) times the variance of one. What is cut off tells no factor.
         """
+        self.steep += _steep(frame, self.every)
+        frame = np.ascontiguousarray(frame[:: self.every, :: self.every])
         factor = _common_factor(self._last, frame, self.top)
         change = frame - factor * self._last
         self.squares += change**2 * (2 / (1 + factor**2))
@@ -68,12 +81,34 @@ class StillScene:
         return self.total / self.frames
 
     @property
+    def slopes(self) -> FloatArray:
+        """Return the mean's slopes, (2, rows, columns) counts a pixel.
+
+        Down and across, between neighbours in the whole frame; 0 of single lines.
+        """
+        return self.steep / self.frames
+
+    @property
     def variance(self) -> FloatArray:
         """Return each pixel's variance in time, (rows, columns) counts squared.
 
         Of two frames or more.
         """
         return self.squares / (2 * (self.frames - 1))
+
+
+def _steep(frame: FloatArray, every: int) -> FloatArray:
+    """Return slopes down and across of the pixels kept, (2, rows, columns)."""
+    found = []
+    for axis in (0, 1):
+        kept = np.arange(0, frame.shape[axis], every)
+        lines = frame[:, ::every] if axis == 0 else frame[::every]
+        before = np.maximum(kept - 1, 0)
+        after = np.minimum(kept + 1, frame.shape[axis] - 1)
+        rise = np.take(lines, after, axis) - np.take(lines, before, axis)
+        over = np.maximum(after - before, 1)
+        found.append(rise / (over[:, None] if axis == 0 else over))
+    return np.stack(found)
 
 
 def _common_factor(last: FloatArray, frame: FloatArray, top: int) -> float:

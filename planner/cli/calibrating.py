@@ -51,18 +51,26 @@ def calibrate(call: argparse.Namespace, report: Report) -> str:
     store.trim()
     if report.failed or not series:
         return ""
+    values, new = first_of_each(series, Span(file=str(call.workcell)), report), None
+    if call.out is not None:
+        text = call.workcell.read_text(encoding="utf-8")
+        new = calibrated_text(text, values, call.out, report)
+        if new is None:  # nothing is written, the page neither
+            return ""
     said = "\n\n".join(map(_said, series))
     if call.report is not None:
         _report(call, series)
         said += f"\n\n{call.report} shows it"
-    if call.out is None:
-        return said + "\n\nwith -o FILE they are put into a workcell"
-    text = call.workcell.read_text(encoding="utf-8")
-    new = calibrated_text(text, list(first_of_each(series)), call.out, report)
     if new is None:
-        return ""
+        return said + "\n\nwith -o FILE they are put into a workcell"
     replace_bytes(call.out, new.encode())
-    return f"{said}\n\n{call.out} has them"
+    return f"{said}\n\n{call.out} has {_as_many(len(values), series)}"
+
+
+def _as_many(taken: int, series: Sequence[CalibrationSeries]) -> str:
+    """Return how many values a workcell has of those that were found."""
+    found = sum(len(each.values) for each in series)
+    return "them" if taken == found else f"{taken} of {found} values"
 
 
 def _report(call: argparse.Namespace, series: Sequence[CalibrationSeries]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
@@ -38,6 +38,11 @@ class PartPlace:
     right_px: float  # from the middle of the picture
     up_px: float
     drawn: DrawnScale | None
+
+    @property
+    def tells_scale(self) -> bool:
+        """Return whether its edges tell the drawing's scale, apart from an offset."""
+        return self.drawn is not None and self.drawn.offset_apart
 
 
 @dataclass(slots=True, kw_only=True)
@@ -109,30 +114,45 @@ def _refusal(measured: MeasuredPicture | PictureError | None) -> str:
 
 
 def stops_of(places: Sequence[PartPlace]) -> list[StageStop]:
-    """Return successive places of one stage reading as a stop each."""
-    return list(_stops(places))
+    """Return successive places of one stage reading as a stop each.
+
+    With the drawing's scale if most places tell it; of those alone.
+    """
+    return list(_stops(places, drawn=tell_scale(places)))
 
 
-def _stops(places: Sequence[PartPlace]) -> Iterator[StageStop]:
+def tell_scale(places: Sequence[PartPlace]) -> bool:
+    """Return whether most places tell the drawing's scale."""
+    return 2 * sum(place.tells_scale for place in places) > len(places)
+
+
+def _stops(places: Sequence[PartPlace], *, drawn: bool) -> Iterator[StageStop]:
     def key(place: PartPlace) -> tuple[float, float, str]:
         return (place.reading.x_um, place.reading.y_um, place.reading.group)
 
-    apart = all(p.drawn is not None and p.drawn.offset_apart for p in places)
     for (x_um, y_um, _), group in groupby(places, key):
         held = list(group)
         seen = np.array([[place.right_px, place.up_px] for place in held])
         right, up = seen.mean(axis=0).tolist()
         squares = np.sum((seen - seen.mean(axis=0)) ** 2, axis=0).tolist()
-        drawn = [place.drawn for place in held if place.drawn is not None]
-        yield StageStop(
+        told = [p.drawn for p in held if drawn and p.drawn and p.tells_scale]
+        stop = StageStop(
             x_um=x_um,
             y_um=y_um,
             right_px=right,
             up_px=up,
             pictures=len(held),
             scatter_px=(squares[0], squares[1]),
-            stretch=np.mean([d.stretch for d in drawn], axis=0) if apart else None,
-            offset_px=float(np.mean([d.offset_px for d in drawn])) if apart else 0.0,
-            true_share=TRUE_PX / drawn[0].reach_px if apart else 0.0,
-            true_px=TRUE_PX if apart else 0.0,
         )
+        yield _with_scale(stop, told) if told else stop
+
+
+def _with_scale(stop: StageStop, told: Sequence[DrawnScale]) -> StageStop:
+    """Return a stop with the drawing's scale in its pictures."""
+    return replace(
+        stop,
+        stretch=np.mean([each.stretch for each in told], axis=0),
+        offset_px=float(np.mean([each.offset_px for each in told])),
+        true_share=TRUE_PX / told[0].reach_px,
+        true_px=TRUE_PX,
+    )

@@ -27,6 +27,8 @@ from microplan.planner.calibration.geometry.affine_scale import (
 FEWEST_PLACES = 4  # of the stage: an affine map takes three
 _FLAT = 0.02  # of the longer side of the readings' cloud: it is a line
 _FEWEST_BENT = 9  # places that a distortion is fitted to
+_BETTER = 0.9  # of the squared error of stops left out that a distortion must reach
+_SURE = 3.0  # standard deviations of it from none
 _ROBUST = 3.0  # standard deviations beyond which a place counts less
 _ODD = 6.0  # times the median misfit: a stop to be looked at
 _LEAST_PX = 1e-4  # scale of residuals of pictures without noise
@@ -59,6 +61,7 @@ class StageFit:
     # place where it stopped once for each
     residual_px: tuple[BlockEstimate, BlockEstimate]
     shake_px: tuple[float, float] | None  # of a picture while the stage rests
+    misfits_px: FloatArray  # (N, 2) of stops, right and up, the distortion taken off
     off: tuple[int, ...]  # stops far off all others
 
     def one(self, name: str) -> BlockEstimate | None:
@@ -91,28 +94,38 @@ def fit_stage(stops: Sequence[StageStop], corner_px: float) -> StageFit | Refuse
     if why:
         take = "one part at six places of the stage or more, over all of the field"
         return Refused(what="scale of the stage", why=why, take=take)
-    bent = len(stops) >= _FEWEST_BENT and _bends(stops, corner_px)
-    drawn = all(stop.stretch is not None for stop in stops)
+    if len(stops) >= _FEWEST_BENT and _bends(stops, corner_px):
+        bent = _fitted(stops, corner_px, bent=True)
+        found = bent.one("distortion")
+        if found and found.sigma and abs(found.value) > _SURE * found.sigma:
+            return bent
+    return _fitted(stops, corner_px, bent=False)
+
+
+def _fitted(stops: Sequence[StageStop], corner_px: float, *, bent: bool) -> StageFit:
+    """Return the numbers of stops, with a distortion or without."""
+    drawn = any(stop.stretch is not None for stop in stops)
 
     def numbers(some: Sequence[StageStop]) -> FloatArray:
         solved = _solved(some, corner_px, bent=bent)
-        matrix = solved[:4].reshape(2, 2)
-        found = [solved[:4], pitches(stretch_of(matrix))]
-        found += [_by_drawing(some, matrix)] if drawn else []
+        found = [solved[:4], pitches(stretch_of(solved[:4].reshape(2, 2)))]
+        found += [_by_drawing(some, solved, corner_px)] if drawn else []
         return np.concatenate([*found, solved[6:] if bent else solved[:0]])
 
     named = (*_PLACES, *(_DRAWN if drawn else ()), *(("distortion",) if bent else ()))
     off = _misfits(_solved(stops, corner_px, bent=bent), _rows(stops), corner_px)
+    told = [stop for stop in stops if stop.stretch is not None]
     found, shake = jackknife_vector(numbers, stops, method=_METHOD), _shake(stops)
     mean = float(np.mean([1 / stop.pictures for stop in stops])) ** 0.5
     return StageFit(
         names=named,
-        numbers=_with_trueness(found, named, stops[0]),
+        numbers=_with_trueness(found, named, (told or stops)[0]),
         residual_px=(
             _scatter(off[:, 0], 3 + bent / 2, shake[0] * mean),
             _scatter(off[:, 1], 3 + bent / 2, shake[1] * mean),
         ),
         shake_px=shake if any(shake) else None,
+        misfits_px=off,
         off=tuple(np.flatnonzero(_far(off)).tolist()),
     )
 
@@ -132,13 +145,35 @@ def _with_trueness(
     return replace(found, covariance=covariance)
 
 
-def _by_drawing(stops: Sequence[StageStop], matrix: FloatArray) -> FloatArray:
-    """Return the drawing's pitches, the stage's scales by it, and the offset, (7,)."""
-    known = [stop.stretch for stop in stops if stop.stretch is not None]
-    stretch = np.asarray(np.mean(known, axis=0))
-    offset = [float(np.mean([stop.offset_px for stop in stops]))]
+def _by_drawing(
+    stops: Sequence[StageStop], numbers: FloatArray, corner_px: float
+) -> FloatArray:
+    """Return the drawing's pitches, the stage's scales by it, and the offset, (7,).
+
+    A stretch is what the lens has at its place: the distortion is taken off each.
+    `numbers` (7,) as of `_misfits`.
+    """
+    known = [
+        stretch_of(_straightened(stop, float(numbers[6]), corner_px) @ stop.stretch)
+        for stop in stops
+        if stop.stretch is not None
+    ]
+    if not known:
+        return np.full(len(_DRAWN), math.nan)
+    stretch, matrix = np.asarray(np.mean(known, axis=0)), numbers[:4].reshape(2, 2)
+    offset = [float(np.mean([s.offset_px for s in stops if s.stretch is not None]))]
     stage = scales(axes_of(matrix, stretch))
     return np.concatenate([pitches(stretch), stage, offset])
+
+
+def _straightened(stop: StageStop, bend: float, corner_px: float) -> FloatArray:
+    """Return what takes a distortion off small lengths at a stop's place, (2, 2) [1].
+
+    The slope of seen (1 - bend |seen|^2), seen in corner radii.
+    """
+    seen = np.array([stop.right_px, stop.up_px]) / corner_px
+    slope: FloatArray = np.eye(2) * (1 - bend * seen @ seen)
+    return slope - 2 * bend * np.outer(seen, seen)
 
 
 def _unfit(stops: Sequence[StageStop]) -> str:
@@ -197,7 +232,7 @@ def _solved(stops: Sequence[StageStop], corner_px: float, *, bent: bool) -> Floa
 
 
 def _bends(stops: Sequence[StageStop], corner_px: float) -> bool:
-    """Return whether stops left out are foretold better with a distortion."""
+    """Return whether stops left out are foretold clearly better with a distortion."""
     rows, errors = _rows(stops), np.zeros(2)
     for left in range(len(stops)):
         kept = [*stops[:left], *stops[left + 1 :]]
@@ -205,7 +240,7 @@ def _bends(stops: Sequence[StageStop], corner_px: float) -> bool:
             numbers = _solved(kept, corner_px, bent=bent)
             off = _misfits(numbers, rows[left : left + 1], corner_px)
             errors[k] += float(np.sum(off**2))
-    return bool(errors[1] < errors[0])
+    return bool(errors[1] < _BETTER * errors[0])
 
 
 def _scatter(off: FloatArray, taken: float, shake_px: float) -> BlockEstimate:

@@ -21,7 +21,11 @@ from microplan.planner.calibration.geometry.affine_scale import (
     axes_of,
     stretch_of,
 )
-from microplan.planner.calibration.geometry.part_places import PartPlaces, stops_of
+from microplan.planner.calibration.geometry.part_places import (
+    PartPlace,
+    PartPlaces,
+    stops_of,
+)
 from microplan.planner.calibration.geometry.stage_fit import (
     StageFit,
     StageStop,
@@ -36,7 +40,7 @@ _SIGNIFICANT = 3.0  # standard deviations
 
 
 def stage_axes(
-    readings: PictureReadings, places: PartPlaces
+    readings: PictureReadings, places: PartPlaces, stated_distortion: float | None
 ) -> CalibrationSeries | None:
     """Return what stage moves of a part tell, None if too little.
 
@@ -46,6 +50,8 @@ def stage_axes(
         With stage readings of each picture.
     places : PartPlaces
         New; its report receives MP901, MP904 and MP905.
+    stated_distortion : float, optional
+        The workcell's.
     """
     report, where = places.intake.report, Span(file=str(readings.file))
     places.read(readings)
@@ -65,15 +71,14 @@ def stage_axes(
         report.error(CODE, where, message, f"photograph {fit.take}")
         return None
     scope = places.finder.series.look.case.microscope
-    source = PictureSource(pictures=places.intake.taken, sha256=places.intake.digest)
-    bend = places.finder.series.look.case.lens.distortion
-    values = [*_pitches(fit, scope, source, bend), *_stage(fit, source)]
+    source = places.intake.source()
+    values = [*_pitches(fit, scope, source, stated_distortion), *_stage(fit, source)]
     _doubts(fit, stops, values, places, where)
     return CalibrationSeries(
         heading=f"scale in {source.pictures} pictures at {len(stops)} stage positions",
         values=tuple(values),
-        notes=tuple(_words(fit)),
-        curves={"residuals": _residuals(fit, stops)},
+        notes=tuple(_words(fit, places.found)),
+        curves=_residuals(fit, stops),
     )
 
 
@@ -83,10 +88,10 @@ def _ruler(fit: StageFit) -> str:
 
 
 def _pitches(
-    fit: StageFit, scope: Microscope, source: PictureSource, distortion: float
+    fit: StageFit, scope: Microscope, source: PictureSource, distortion: float | None
 ) -> Iterator[CalibratedValue]:
     """Yield pitches in the object, the sensor's, and what bends the image."""
-    ruler, stated = _ruler(fit), scope.um_per_px
+    ruler = _ruler(fit)
     units = {"pitch_x": "um", "pitch_y": "um", "skew": "rad"}
     method = "edges against the drawing" if ruler else "stage readings"
     pair = []
@@ -94,8 +99,7 @@ def _pitches(
         found = fit.one(ruler + name)
         if found is None:
             continue
-        known = None if name == "skew" else stated
-        value = single(f"{name}_{unit}", found, source, unit=unit, stated=known)
+        value = single(f"{name}_{unit}", found, source, unit=unit)
         pair.append(found)
         yield _by(value, method)
     yield _sensor(pair[0], pair[1], scope, source, method)
@@ -107,10 +111,12 @@ def _pitches(
                 yield _by(single(key, found, source, unit=unit), "stage readings")
     if (bent := fit.one("distortion")) is not None:
         at = ("optics", "distortion")
-        yield single("distortion", bent, source, where=at, stated=distortion)
+        kept = single("distortion", bent, source, where=at, stated=distortion)
+        yield _by(kept, "kept, as stops left out are foretold better")
     if (offset := fit.one("offset_px")) is not None:
-        scaled = _scaled(offset, stated, "edges seen, outwards from those drawn")
-        yield single("edge_offset_um", scaled, source, unit="um", stated=0.0)
+        words = "edges seen, outwards from those drawn"
+        scaled = _scaled(offset, scope.um_per_px, words)
+        yield single("edge_offset_um", scaled, source, unit="um")
 
 
 def _scaled(found: BlockEstimate, factor: float, method: str) -> BlockEstimate:
@@ -162,11 +168,8 @@ def _stage(fit: StageFit, source: PictureSource) -> Iterator[CalibratedValue]:
     ):  # fmt: skip
         found = fit.one(name)
         if found is not None:
-            known = 0.0 if unit == "rad" else 1.0
-            yield _by(
-                single(key, found, source, unit=unit, stated=known),
-                "readings against the drawing",
-            )
+            value = single(key, found, source, unit=unit)
+            yield _by(value, "readings against the drawing")
     pitch = [fit.one(_ruler(fit) + name) for name in ("pitch_x", "pitch_y")]
     for axis, noise, um in zip("xy", fit.residual_px, pitch, strict=True):
         if um is not None:
@@ -189,6 +192,8 @@ def _doubts(
 ) -> None:
     """Report what the workcell has no line for, and stops far off."""
     report, by_key = places.intake.report, {value.key: value for value in values}
+    if _ruler(fit):
+        _faint(places)
     for k in fit.off:
         message = f"the stop at {stops[k].x_um:g}, {stops[k].y_um:g} um lies far off "
         message += "the others"
@@ -203,7 +208,22 @@ def _doubts(
         report.warning(CODE, where, message, "resample the pictures to square ones")
 
 
-def _words(fit: StageFit) -> Iterator[str]:
+def _faint(places: PartPlaces) -> None:
+    """Report pictures that tell a place, and no scale as others do."""
+    names = [p.reading.name for p in places.found if not p.tells_scale]
+    if names:
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        message = (
+            f"{names[0]}{more}: too few edges tell the drawing's scale; the other "
+        )
+        message += "pictures do"
+        where = Span(file=str(places.finder.first.path.parent / names[0]))
+        places.intake.report.warning(
+            CODE, where, message, "is it sharp there, and whole?"
+        )
+
+
+def _words(fit: StageFit, places: Sequence[PartPlace]) -> Iterator[str]:
     """Yield ruler and axes in words."""
     stretch = stretch_of(fit.matrix())
     if _ruler(fit):
@@ -213,11 +233,13 @@ def _words(fit: StageFit) -> Iterator[str]:
         x, y, skew = (each.value for each in drawn if each is not None)
         slant = skew * (1 / x + 1 / y) / 4
         stretch = np.array([[1 / x, slant], [slant, 1 / y]])
-    else:
+    elif 2 * sum(place.drawn is None for place in places) < len(places):
         yield (
             "the ruler is the stage: one outline without others inside or beside it "
             "does not tell the drawing's scale apart from an offset of its edges"
         )
+    else:
+        yield "the ruler is the stage: most pictures show too few of the part's edges"
     (a, b), (c, d) = axes_of(fit.matrix(), stretch).tolist()
     yield f"station: camera_from_stage = [[{a:.6f}, {b:.6f}], [{c:.6f}, {d:.6f}]]"
 
@@ -232,11 +254,13 @@ def _agreement(fit: StageFit) -> Iterator[str]:
             yield f"{words}, {pull:.2g} standard deviations"
 
 
-def _residuals(fit: StageFit, stops: Sequence[StageStop]) -> CalibrationCurve:
-    """Return each stop's misfit, 1/1000 px, over its reading along x."""
-    rows = np.array([[s.x_um, s.y_um, s.right_px, s.up_px] for s in stops])
-    meant = rows[:, :2] @ fit.matrix().T
-    off = rows[:, 2:] - meant
-    off = 1000 * (off - np.median(off, axis=0))
-    pairs = zip(rows[:, 0].tolist(), np.hypot(*off.T).tolist(), strict=True)
-    return CalibrationCurve(points=list(pairs))
+def _residuals(
+    fit: StageFit, stops: Sequence[StageStop]
+) -> dict[str, CalibrationCurve]:
+    """Return each stop's misfit, 1/1000 px to the right and up, over its reading."""
+    readings = {"x": [s.x_um for s in stops], "y": [s.y_um for s in stops]}
+    found = {}
+    for (axis, um), off in zip(readings.items(), 1000 * fit.misfits_px.T, strict=True):
+        points = list(zip(um, off.tolist(), strict=True))
+        found[f"residuals {axis}"] = CalibrationCurve(points=points)
+    return found

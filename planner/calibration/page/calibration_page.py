@@ -47,6 +47,13 @@ class CurveWords:
     do: str
 
 
+_RESIDUALS = {
+    "shows": "How far the part lay from where readings have it, stop by stop; a "
+    "distortion that was found is taken off.",
+    "judge": "Points without a trend are the stage's noise; a trend is a stage that is "
+    "not straight, or a lens that distorts otherwise.",
+    "do": "Look at a stop far off all others: was the part moved?",
+}
 _WORDS: Mapping[str, CurveWords] = {
     "photon transfer": CurveWords(
         across="level / counts",
@@ -66,13 +73,13 @@ _WORDS: Mapping[str, CurveWords] = {
         "a lamp that erred.",
         do="Take a light off the line again, with its reading.",
     ),
-    "residuals": CurveWords(
-        across="stage reading along x / um",
-        up="off the fit / 0.001 px",
-        shows="How far the part lay from where readings have it, stop by stop.",
-        judge="Points without a trend are the stage's noise; a trend is distortion or "
-        "a stage that is not straight.",
-        do="Look at a stop far above all others: was the part moved?",
+    "residuals x": CurveWords(
+        across="stage reading x / um",
+        up="to the right of the fit / 0.001 px",
+        **_RESIDUALS,
+    ),
+    "residuals y": CurveWords(
+        across="stage reading y / um", up="above the fit / 0.001 px", **_RESIDUALS
     ),
 }
 _EDGE = CurveWords(
@@ -121,9 +128,9 @@ def write_calibration_page(
 def _verdict(series: Sequence[CalibrationSeries]) -> Element:
     """Return how many stated values the pictures contradict."""
     values = [value for each in series for value in each.values]
-    judged = [value for value in values if value.pull is not None]
-    far = [value.key for value in judged if abs(value.pull or 0.0) > _FAR]
-    words = f"{len(values)} values from {len(series)} series; of {len(judged)} that "
+    stated = [value for value in values if value.stated is not None]
+    far = [value.key for value in stated if abs(value.pull or 0.0) > _FAR]
+    words = f"{len(values)} values from {len(series)} series; of {len(stated)} that "
     words += f"the workcell states, {len(far)} are more than {_FAR:g} standard "
     words += "deviations off" + (f": {', '.join(far)}." if far else ".")
     return el("p", words)

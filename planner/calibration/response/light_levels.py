@@ -61,7 +61,8 @@ def chosen_levels(steps: Sequence[LightStep], white: float) -> LightLevels | Non
     several = np.flatnonzero((clear & (lights > 0)).sum(axis=1) >= _FEWEST_LEVELS)
     if not several.size:
         return None
-    slopes = _slopes(total).ravel()[pixels][several]
+    steep = np.sum([scene.slopes for scene in scenes], axis=0)
+    slopes = np.sum(steep**2, axis=0).ravel()[pixels][several]
     taken = several[_even(total.ravel()[pixels][several], slopes)]
     found = LightLevels(
         lights=lights / lights.max(),
@@ -96,15 +97,6 @@ def _sigmas(
     middle = np.bincount(which, level, _BINS)[held] / count[held]
     variance = np.bincount(which, own, _BINS)[held] / count[held]
     found: FloatArray = np.sqrt(np.interp(means, middle, variance) + ROUNDING)
-    return found
-
-
-def _slopes(picture: FloatArray) -> FloatArray:
-    """Return the squared slope of a picture (rows, columns); 0 of single lines."""
-    found = np.zeros(picture.shape)
-    for axis, size in enumerate(picture.shape):
-        if size > 1:
-            found += np.asarray(np.gradient(picture, axis=axis), dtype=np.float64) ** 2
     return found
 
 

@@ -100,7 +100,7 @@ def common_errors(levels: LightLevels, power: LightCurve) -> FloatArray:
     off, slope = levels.means - power.black - rise, power.gamma * rise
     norm = ((levels.weights * slope) ** 2).sum(axis=0)
     errors = (levels.weights**2 * slope * off).sum(axis=0) / np.maximum(norm, 1e-300)
-    free = max(int((norm > 0).sum()) - 2, 1)
+    free = max(int((norm > 0).sum()) - 3, 1)  # gamma, black, a common exposure
     found: FloatArray = np.sum(np.square(moved), axis=0) / _CHANGE**2
     return found * float(np.sum(errors[norm > 0] ** 2)) / free
 

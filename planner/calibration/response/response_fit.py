@@ -63,7 +63,7 @@ class ResponseFit:
     # meets no light. No deviation for a table that no dark frame ends.
     black: BlockEstimate
     white: float  # count at share 1
-    white_is_seen: bool  # counts pile up there; else full scale stands for it
+    white_is_seen: bool  # counts pile up there; else the stated, or full scale
     rows: tuple[tuple[float, float], ...]  # light and level, 0..1; () of a power
     row_sigmas: tuple[float | None, ...]  # standard deviations of rows' levels
     seen: tuple[float, float]  # levels 0..1 that were measured: rows beyond continue
@@ -73,7 +73,9 @@ class ResponseFit:
     pixels: int
 
 
-def fit_response(steps: Sequence[LightStep], top: int) -> ResponseFit | Refused:
+def fit_response(
+    steps: Sequence[LightStep], top: int, stated_white: float | None = None
+) -> ResponseFit | Refused:
     """Return the response, and how surely it is known.
 
     Standard deviations are those of leaving out one light at a time: errors of readings
@@ -85,13 +87,16 @@ def fit_response(steps: Sequence[LightStep], top: int) -> ResponseFit | Refused:
         In any order; readings of 0 are frames without light.
     top : int
         The full scale, counts.
+    stated_white : float, optional
+        Count of saturation, where no counts pile up.
     """
     why = _unfit(steps)
     if why:
         return Refused(what=_WHAT, why=why, take=_TAKE)
     codes = np.sum([step.scene.codes for step in steps], axis=0)
     saturated = count_levels(codes, top).white_level
-    white = float(top if saturated is None else saturated)
+    full = float(top if stated_white is None else stated_white)
+    white = full if saturated is None else float(saturated)
     levels = chosen_levels(steps, white)
     if levels is None:
         why = f"no pixel is clear of cut-off counts in {FEWEST_LIGHTS} lights"

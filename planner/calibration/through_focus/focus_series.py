@@ -81,8 +81,7 @@ def focus_axis(
     if table is None or not isinstance(found, FocusFit):
         _refuse(found, where, report)
         return None
-    source = PictureSource(pictures=intake.taken, sha256=intake.digest)
-    return _series(found, steps, table, source, stated_aperture)
+    return _series(found, steps, table, intake.source(), stated_aperture)
 
 
 def _refuse(found: Refused | FocusFit | None, where: Span, report: Report) -> None:
@@ -159,7 +158,7 @@ def _series(
     values: list[CalibratedValue] = [
         single("numerical_aperture", fit.aperture, source, where=at, stated=stated),
         single("focus_zero_um", fit.zero_um, source, unit="um"),
-        single("focus_scale", fit.scale, source, stated=1.0),
+        single("focus_scale", fit.scale, source),
     ]
     fixed, free = fit.held_out
     notes = [

@@ -22,6 +22,7 @@ from microplan.planner.calibration.through_focus.edge_profile import (
 _SHARES = (0.7, 0.8, 0.9, 1.0, 1.12, 1.3)  # of an aperture about right: columns
 _STEEPEST = 0.99  # of the medium's index: no lens is wider
 _APART = 0.97  # of the last column, at most, the one before it
+_NEAR = 0.02  # of the middle: a spline's error there is small against 1e-4 of a step
 _PER_DEPTH = 4.0  # rows in a depth of field
 _FEWEST, _MOST = 7, 25  # rows
 
@@ -63,16 +64,17 @@ class ProfileTable:
 
     @property
     def middle(self) -> float:
-        """Return an aperture in the middle."""
-        return float(self.apertures[len(self.apertures) // 2])
+        """Return the aperture about which the columns lie."""
+        return float(self.apertures[_SHARES.index(1.0)])
 
     def holds(self, most_um: float, aperture: float) -> bool:
-        """Return whether a defocus and an aperture lie inside, half a column at least.
+        """Return whether a defocus is inside, an aperture near the middle.
 
-        At the ends profiles no longer change, and suit as well as those beyond.
+        Between columns profiles err; at the ends they no longer change, and suit as
+        well as those beyond.
         """
-        low, high = (self.apertures[[0, -2]] + self.apertures[[1, -1]]) / 2
-        return bool(low < aperture < high and most_um < self.most_um)
+        near = abs(aperture - self.middle) < _NEAR * self.middle
+        return near and most_um < self.most_um
 
 
 def profile_table(

@@ -13,14 +13,23 @@ import pytest
 import yaml
 
 from microplan.arrays import FloatArray
+from microplan.planner.calibration.calibrated_cell import (
+    calibrated_text,
+    first_of_each,
+)
 from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
+    CalibrationSeries,
     PictureSource,
 )
+from microplan.planner.calibration.count_levels import count_levels
+from microplan.planner.calibration.photon_transfer import noise_rows
+from microplan.planner.calibration.picture_series import NoiseByLevel
 from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.cli.main import main
-from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.read_task import load_task
+from tests.planner.calibration.simulated_camera import Camera, patches
 from tests.planner.calibration.test_photon_transfer import steps
 from tests.planner.examples import EXAMPLE
 from tests.planner.measure.small_look import Counts, save
@@ -200,3 +209,73 @@ def test_what_is_cut_off_is_said_and_the_rest_is_told(
     assert "with -o FILE they are put into a workcell" in said.out
     assert "of the counts are 0: the black level cuts off" in said.err
     assert "of the counts are saturated, at 255" in said.err
+
+
+def test_many_copies_are_one_finding_and_an_empty_folder_one(
+    tmp_path: Path, cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pictures = [*frames(9), *frames(1) * 5]
+    copies = written(tmp_path / "copies", pictures)
+    assert main(["calibrate", str(copies), "--workcell", str(cell)]) == 0
+    said = capsys.readouterr().err
+    assert said.count("warning[MP904]") == 1
+    assert "010.png" not in said
+    assert "and 4 more are copies" in said
+    (tmp_path / "empty").mkdir()
+    none = refused(tmp_path / "empty", cell, capsys)
+    assert none.count("error[") == 1
+
+
+def test_read_noise_is_that_of_the_black_level() -> None:
+    """Of 10 000 electrons over 4000 counts, with 9 e and black at 100."""
+    camera = Camera(black=100.0, white=4100.0, read_e=9.0)
+    scene = camera.scene(0.9 * patches(96), 16, np.random.default_rng(1))
+    levels = count_levels(scene.codes, 4095)
+    rows = noise_rows(scene, levels)
+    for black, said in ((None, None), (100.0, 9.0)):
+        noise = NoiseByLevel(
+            frames=16, levels=levels, rows=rows, source=TABLE.source, black_level=black
+        )
+        *_, words = noise.series.notes
+        assert "electrons a count" in words
+        assert ("of read noise" in words) == (said is not None)
+        if said is not None:
+            number = float(words.split(", ")[1].split()[0])
+            assert number == pytest.approx(said, rel=0.25)
+
+
+def valued(value: float, sigma: float | None, heading: str) -> CalibrationSeries:
+    one = replace(TABLE, key="black_level", value=value, sigma=(sigma,))
+    return CalibrationSeries(heading=heading, values=(one,))
+
+
+def test_a_value_that_is_left_out_is_a_finding_with_both() -> None:
+    report, first = Report(), valued(12.0, 0.1, "first")
+    kept = first_of_each([first, valued(14.0, 0.1, "other")], Span(file="cell"), report)
+    assert kept == [*first.values]
+    (found,) = report.found
+    assert "12 +- 0.1 by the first, 14 +- 0.1 by the other" in found.message
+    assert "14 standard deviations apart: they contradict" in found.message
+    near = Report()
+    first_of_each([first, valued(12.1, None, "other")], Span(file="cell"), near)
+    assert "contradict" not in near.found[0].message
+    assert not first_of_each([], Span(file="cell"), near)
+
+
+def test_of_values_that_a_stated_key_contradicts_nothing_is_written(
+    tmp_path: Path, cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Lights darker than a black level of 249 that only white_level 255 leaves."""
+    text = cell.read_text(encoding="utf-8")
+    cell.write_text(
+        text.replace("camera: {", "camera: {white_level: 20, black_level: 2, "),
+        encoding="utf-8",
+    )
+    values = [
+        replace(TABLE, key="black_level", value=18.0, sigma=(0.1,),
+                where=("camera", "black_level"))
+    ]  # fmt: skip
+    report = Report()
+    new = cell.with_name("new.yaml")
+    assert calibrated_text(cell.read_text(), values, new, report) is None
+    assert report.found[-1].hint == "mend camera.white_level in the workcell"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from microplan.planner.calibration.still_frames import StillScene
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
@@ -96,3 +97,50 @@ def test_lights_that_tell_no_response_are_refused(
     deep = Camera(bits=12, white=4095.0)
     deeper = refused(write_lights(tmp_path / "deep", deep, LIGHTS), cell, capsys)
     assert "the workcell's camera counts to 255" in deeper
+
+
+def stating(cell: Path, words: str) -> None:
+    """Put keys into the camera of a workcell."""
+    text = cell.read_text(encoding="utf-8")
+    cell.write_text(text.replace("camera: {", f"camera: {{{words}, "), encoding="utf-8")
+
+
+def test_full_scale_is_the_stated_white_level_where_counts_do_not_pile_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Electrons between black and white; only what is stated is said to be."""
+    cell = cell_of(tmp_path / "task")
+    camera = Camera(black=10.0, white=210.0, full_well=2000.0, read_noise=0.5)
+    lights = write_lights(tmp_path / "lights", camera, [0.8 * x for x in LIGHTS], 8)
+    call = ["calibrate", str(lights), "--workcell", str(cell)]
+    assert main(call) == 0
+    said = capsys.readouterr().out
+    assert "; stated" not in said.replace("full_well_e", "").partition("\n")[0]
+    assert "response: " in said
+    assert not [s for s in said.splitlines() if "black_level" in s and "stated" in s]
+    stating(cell, "white_level: 210")
+    how = told(lights, cell)["calibrated"]
+    off = how["full_well_e"]["value"] - 2000.0
+    assert abs(off) < SIGMAS * how["full_well_e"]["standard_deviation"]
+    assert abs(off) < 200.0
+    cell.write_text(cell.read_text().replace("white_level: 210", "white_level: 60"))
+    assert main(call) == 0
+    assert "the workcell's white_level is 60" in capsys.readouterr().err
+
+
+def test_noise_names_the_pictures_that_it_is_of(tmp_path: Path) -> None:
+    cell = cell_of(tmp_path / "task")
+    lights = [light for light in LIGHTS for _ in range(8 if light > 0.3 else 2)]
+    how = told(write_lights(tmp_path / "lights", TRUE, lights), cell)["calibrated"]
+    assert how["response"]["pictures"] == len(lights)
+    assert how["noise_table"]["pictures"] == 8 * sum(x > 0.3 for x in LIGHTS)
+    assert how["noise_table"]["sha256"] != how["response"]["sha256"]
+
+
+def test_slopes_are_those_of_the_whole_frame() -> None:
+    frame = np.random.default_rng(0).integers(0, 255, (23, 31)).astype(float)
+    scene = StillScene.of(frame, 255, every=3)
+    scene.add(frame + 2.0)
+    meant = [np.gradient(frame, axis=axis)[::3, ::3] for axis in (0, 1)]
+    np.testing.assert_allclose(scene.slopes, meant)
+    np.testing.assert_allclose(scene.mean, frame[::3, ::3] + 1.0)

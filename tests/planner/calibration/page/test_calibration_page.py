@@ -33,15 +33,16 @@ def test_values_stand_against_what_was_stated() -> None:
         values=(value("near", 1.001, 0.001), value("far", 1.1, 0.01),
                 value("vague", 2.0, None)),
         notes=("in words",),
-        curves={"residuals": CalibrationCurve(points=[(0.0, 1.0)], line=[])},
+        curves={"residuals x": CalibrationCurve(points=[(0.0, 1.0)], line=[])},
     )  # fmt: skip
     page = calibration_page("cell", [series])
     assert page == calibration_page("cell", [series])
-    assert "3 values from 1 series; of 2 that the workcell states, 1 are more" in page
+    assert "3 values from 1 series; of 3 that the workcell states, 1 are more" in page
     assert "<strong>10</strong>" in page
     assert "scale &lt;b&gt;" in page
     assert "<script" not in page
     assert page.count("<svg") == 1
+    assert "to the right of the fit" in page
 
 
 def test_a_call_writes_its_page_and_nothing_over_another_file(

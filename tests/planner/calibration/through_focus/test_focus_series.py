@@ -53,7 +53,6 @@ def stating(folder: Path, aperture: float) -> str:
     """Write a workcell that states an aperture, and return its name."""
     text = (folder / "workcell.yaml").read_text(encoding="utf-8")
     stated = text.replace("numerical_aperture: 0.42", f"numerical_aperture: {aperture}")
-    assert stated != text
     name = f"stating_{aperture}"
     (folder / f"{name}.yaml").write_text(stated, encoding="utf-8")
     return name
@@ -71,7 +70,7 @@ def test_aperture_and_focus_come_out_within_their_deviations(
     folder: Path, pictures: Path, stated: float
 ) -> None:
     """Of a workcell, too, whose aperture is .7 or 1.4 of the true one."""
-    new = told(folder, pictures, stating(folder, stated) if stated != 0.42 else "workcell")
+    new = told(folder, pictures, stating(folder, stated))
     how = new["calibrated"]
     assert new["optics"]["numerical_aperture"] == how["numerical_aperture"]["value"]
     for key, true in (
