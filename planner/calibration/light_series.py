@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from microplan.arrays import FloatArray
 from microplan.optics.lens.response import Response, power_rows
 from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
@@ -19,6 +16,7 @@ from microplan.planner.calibration.calibrated_value import (
 )
 from microplan.planner.calibration.count_levels import CountLevels, count_levels
 from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.light_scenes import LightScenes
 from microplan.planner.calibration.noise_line import NoiseLine
 from microplan.planner.calibration.photon_transfer import pooled_rows
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
@@ -34,38 +32,11 @@ from microplan.planner.calibration.response.response_fit import (
     ResponseFit,
     fit_response,
 )
-from microplan.planner.calibration.still_frames import StillScene
 from microplan.planner.source.diagnostics import Span
 
-_MOST_PX = 60_000  # of a picture that are kept, evenly over it: more are not fitted
 _MOST_LIGHTS = 256  # 4 MiB each
 _STRAIGHT = 3.0  # standard deviations of a power from 1
 _LEVELS = 60  # of a drawn curve
-
-
-@dataclass(slots=True, kw_only=True)
-class LightScenes:
-    """Frames of each light, added up."""
-
-    top: int = 0
-    scenes: dict[float, StillScene] = field(default_factory=dict)
-    numbers: dict[float, list[int]] = field(default_factory=dict)  # of pictures
-
-    def add(self, light: float, counts: FloatArray, intake: PictureIntake) -> None:
-        """Take a picture (rows, columns), counts, of which some pixels are kept."""
-        self.top = intake.top
-        self.numbers.setdefault(light, []).append(intake.taken)
-        if light in self.scenes:
-            self.scenes[light].add(counts)
-        else:
-            every = math.ceil(math.sqrt(counts.size / _MOST_PX))
-            self.scenes[light] = StillScene.of(counts, self.top, every=every)
-
-    @property
-    def steps(self) -> list[LightStep]:
-        """Return the lights with their frames, rising."""
-        lights = sorted(self.scenes.items())
-        return [LightStep(light=light, scene=scene) for light, scene in lights]
 
 
 def camera_response(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from microplan.planner.calibration.picture_intake import PictureIntake
+from microplan.planner.calibration.table_cells import cells_of, number_of
 from microplan.planner.measure.picture_files import PictureCounts
 from microplan.planner.source.diagnostics import Report, Span
 
@@ -129,7 +128,7 @@ def _lines(file: Path, report: Report) -> list[str] | None:
 def _head(file: Path, lines: Sequence[str], report: Report) -> list[str]:
     """Return what each column states; [] if that is not clear."""
     first = lines[0] if lines else ""
-    said = _cells(first)
+    said = cells_of(first)
     if isinstance(said, str):
         _wrong(file, report, said, "a short name for each column", 1, first)
         return []
@@ -157,7 +156,7 @@ def _rows(
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
             continue
-        cells = _cells(line)
+        cells = cells_of(line)
         row = cells if isinstance(cells, str) else _row(names, cells)
         if isinstance(row, str):
             _wrong(file, report, row, "a cell for each column", number, line)
@@ -167,21 +166,6 @@ def _rows(
         else:
             seen[row.name] = number
             yield row
-
-
-def _cells(line: str) -> list[str] | str:
-    """Return the cells of a line, or why there are none."""
-    try:
-        return [cell.strip() for cell in next(csv.reader(io.StringIO(line)), [])]
-    except csv.Error as error:
-        return f"the line is no row of a table: {error}"
-
-
-def _number(text: str) -> float:
-    """Return a number of digits, ValueError if it is none as tables have them."""
-    if not text.isascii() or "_" in text:
-        raise ValueError(f"no number: {text!r}")
-    return float(text)
 
 
 def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
@@ -196,7 +180,7 @@ def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
     for each in _NUMBERS:
         if each in said:
             try:
-                values[each] = _number(said[each])
+                values[each] = number_of(said[each])
             except ValueError:
                 return f"{each} of {name} is no number: {said[each][:_MOST_SHOWN]!r}"
     try:

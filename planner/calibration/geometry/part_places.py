@@ -18,7 +18,7 @@ from microplan.planner.calibration.geometry.drawn_edges import (
     lone_points,
 )
 from microplan.planner.calibration.geometry.part_finder import PartFinder
-from microplan.planner.calibration.geometry.stage_fit import StageStop
+from microplan.planner.calibration.geometry.stage_stop import StageStop
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.readings import (
     PictureReading,

@@ -23,6 +23,7 @@ from microplan.planner.calibration.geometry.affine_scale import (
     scales,
     stretch_of,
 )
+from microplan.planner.calibration.geometry.stage_stop import StageStop, shake_of
 
 FEWEST_PLACES = 4  # of the stage: an affine map takes three
 _FLAT = 0.02  # of the longer side of the readings' cloud: it is a line
@@ -33,22 +34,6 @@ _ROBUST = 3.0  # standard deviations beyond which a place counts less
 _ODD = 6.0  # times the median misfit: a stop to be looked at
 _LEAST_PX = 1e-4  # scale of residuals of pictures without noise
 _METHOD = "robust affine fit of places over stage readings, places left out in turn"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StageStop:
-    """A part in pictures at one stop of the stage, the mean of its pictures."""
-
-    x_um: float  # readings
-    y_um: float
-    right_px: float  # of the picture's middle
-    up_px: float
-    pictures: int = 1
-    scatter_px: tuple[float, float] = (0.0, 0.0)  # sums of squares of the pictures
-    stretch: FloatArray | None = None  # by the drawing, (2, 2) px/um; None: not told
-    offset_px: float = 0.0  # of edges, outwards; 0 where the stretch is not told
-    true_share: float = 0.0  # of the stretch, by which images of the part may differ
-    true_px: float = 0.0  # and by which edges may
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +52,11 @@ class StageFit:
     def one(self, name: str) -> BlockEstimate | None:
         """Return one of the numbers, None if it is not told."""
         return self.numbers.one(self.names.index(name)) if name in self.names else None
+
+    @property
+    def ruler(self) -> str:
+        """Return the prefix of the pitches that are taken: the drawing's where told."""
+        return "drawn_" if "drawn_pitch_x" in self.names else ""
 
     def matrix(self) -> FloatArray:
         """Return the image of the readings, right and up over x and y, (2, 2) px/um."""
@@ -115,7 +105,7 @@ def _fitted(stops: Sequence[StageStop], corner_px: float, *, bent: bool) -> Stag
     named = (*_PLACES, *(_DRAWN if drawn else ()), *(("distortion",) if bent else ()))
     off = _misfits(_solved(stops, corner_px, bent=bent), _rows(stops), corner_px)
     told = [stop for stop in stops if stop.stretch is not None]
-    found, shake = jackknife_vector(numbers, stops, method=_METHOD), _shake(stops)
+    found, shake = jackknife_vector(numbers, stops, method=_METHOD), shake_of(stops)
     mean = float(np.mean([1 / stop.pictures for stop in stops])) ** 0.5
     return StageFit(
         names=named,
@@ -154,7 +144,7 @@ def _by_drawing(
     `numbers` (7,) as of `_misfits`.
     """
     known = [
-        stretch_of(_straightened(stop, float(numbers[6]), corner_px) @ stop.stretch)
+        stretch_of(stop.straightening(float(numbers[6]), corner_px) @ stop.stretch)
         for stop in stops
         if stop.stretch is not None
     ]
@@ -164,16 +154,6 @@ def _by_drawing(
     offset = [float(np.mean([s.offset_px for s in stops if s.stretch is not None]))]
     stage = scales(axes_of(matrix, stretch))
     return np.concatenate([pitches(stretch), stage, offset])
-
-
-def _straightened(stop: StageStop, bend: float, corner_px: float) -> FloatArray:
-    """Return what takes a distortion off small lengths at a stop's place, (2, 2) [1].
-
-    The slope of seen (1 - bend |seen|^2), seen in corner radii.
-    """
-    seen = np.array([stop.right_px, stop.up_px]) / corner_px
-    slope: FloatArray = np.eye(2) * (1 - bend * seen @ seen)
-    return slope - 2 * bend * np.outer(seen, seen)
 
 
 def _unfit(stops: Sequence[StageStop]) -> str:
@@ -265,10 +245,3 @@ def _far(off: FloatArray) -> BoolArray:
     """Return whether each place is far off all others, (N,)."""
     size = np.hypot(off[:, 0], off[:, 1])
     return np.asarray(size > _ODD * max(float(np.median(size)), _LEAST_PX))
-
-
-def _shake(stops: Sequence[StageStop]) -> tuple[float, float]:
-    """Return the standard deviation of pictures of one stop, px; 0: one each."""
-    free = max(sum(stop.pictures - 1 for stop in stops), 1)
-    right, up = np.sum([stop.scatter_px for stop in stops], axis=0).tolist()
-    return math.sqrt(right / free), math.sqrt(up / free)

@@ -6,30 +6,23 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
-    CalibrationCurve,
     CalibrationSeries,
     PictureSource,
     single,
 )
 from microplan.planner.calibration.estimates import BlockEstimate, Refused
-from microplan.planner.calibration.geometry.affine_scale import (
-    axes_of,
-    stretch_of,
-)
 from microplan.planner.calibration.geometry.part_places import (
-    PartPlace,
     PartPlaces,
     stops_of,
 )
-from microplan.planner.calibration.geometry.stage_fit import (
-    StageFit,
-    StageStop,
-    fit_stage,
+from microplan.planner.calibration.geometry.stage_fit import StageFit, fit_stage
+from microplan.planner.calibration.geometry.stage_stop import StageStop
+from microplan.planner.calibration.geometry.stage_words import (
+    stage_residuals,
+    stage_words,
 )
 from microplan.planner.calibration.picture_intake import CODE
 from microplan.planner.calibration.readings import PictureReadings
@@ -77,21 +70,16 @@ def stage_axes(
     return CalibrationSeries(
         heading=f"scale in {source.pictures} pictures at {len(stops)} stage positions",
         values=tuple(values),
-        notes=tuple(_words(fit, places.found)),
-        curves=_residuals(fit, stops),
+        notes=tuple(stage_words(fit, places.found)),
+        curves=stage_residuals(fit, stops),
     )
-
-
-def _ruler(fit: StageFit) -> str:
-    """Return the prefix of the pitches that are taken: the drawing's where told."""
-    return "drawn_" if fit.one("drawn_pitch_x") is not None else ""
 
 
 def _pitches(
     fit: StageFit, scope: Microscope, source: PictureSource, distortion: float | None
 ) -> Iterator[CalibratedValue]:
     """Yield pitches in the object, the sensor's, and what bends the image."""
-    ruler = _ruler(fit)
+    ruler = fit.ruler
     units = {"pitch_x": "um", "pitch_y": "um", "skew": "rad"}
     method = "edges against the drawing" if ruler else "stage readings"
     pair = []
@@ -170,7 +158,7 @@ def _stage(fit: StageFit, source: PictureSource) -> Iterator[CalibratedValue]:
         if found is not None:
             value = single(key, found, source, unit=unit)
             yield _by(value, "readings against the drawing")
-    pitch = [fit.one(_ruler(fit) + name) for name in ("pitch_x", "pitch_y")]
+    pitch = [fit.one(fit.ruler + name) for name in ("pitch_x", "pitch_y")]
     for axis, noise, um in zip("xy", fit.residual_px, pitch, strict=True):
         if um is not None:
             scaled = _scaled(noise, um.value, noise.method)
@@ -192,7 +180,7 @@ def _doubts(
 ) -> None:
     """Report what the workcell has no line for, and stops far off."""
     report, by_key = places.intake.report, {value.key: value for value in values}
-    if _ruler(fit):
+    if fit.ruler:
         _faint(places)
     for k in fit.off:
         message = f"the stop at {stops[k].x_um:g}, {stops[k].y_um:g} um lies far off "
@@ -221,46 +209,3 @@ def _faint(places: PartPlaces) -> None:
         places.intake.report.warning(
             CODE, where, message, "is it sharp there, and whole?"
         )
-
-
-def _words(fit: StageFit, places: Sequence[PartPlace]) -> Iterator[str]:
-    """Yield ruler and axes in words."""
-    stretch = stretch_of(fit.matrix())
-    if _ruler(fit):
-        yield "the ruler is the drawing: the part has edges of several features"
-        yield from _agreement(fit)
-        drawn = [fit.one(f"drawn_{name}") for name in ("pitch_x", "pitch_y", "skew")]
-        x, y, skew = (each.value for each in drawn if each is not None)
-        slant = skew * (1 / x + 1 / y) / 4
-        stretch = np.array([[1 / x, slant], [slant, 1 / y]])
-    elif 2 * sum(place.drawn is None for place in places) < len(places):
-        yield (
-            "the ruler is the stage: one outline without others inside or beside it "
-            "does not tell the drawing's scale apart from an offset of its edges"
-        )
-    else:
-        yield "the ruler is the stage: most pictures show too few of the part's edges"
-    (a, b), (c, d) = axes_of(fit.matrix(), stretch).tolist()
-    yield f"station: camera_from_stage = [[{a:.6f}, {b:.6f}], [{c:.6f}, {d:.6f}]]"
-
-
-def _agreement(fit: StageFit) -> Iterator[str]:
-    """Yield how drawing and stage agree, in standard deviations."""
-    for name in ("scale_x", "scale_y"):
-        found = fit.one(name)
-        if found is not None and found.sigma:
-            off, pull = found.value - 1, abs(found.value - 1) / found.sigma
-            words = f"stage against drawing, {name[-1]}: {off:+.2g}"
-            yield f"{words}, {pull:.2g} standard deviations"
-
-
-def _residuals(
-    fit: StageFit, stops: Sequence[StageStop]
-) -> dict[str, CalibrationCurve]:
-    """Return each stop's misfit, 1/1000 px to the right and up, over its reading."""
-    readings = {"x": [s.x_um for s in stops], "y": [s.y_um for s in stops]}
-    found = {}
-    for (axis, um), off in zip(readings.items(), 1000 * fit.misfits_px.T, strict=True):
-        points = list(zip(um, off.tolist(), strict=True))
-        found[f"residuals {axis}"] = CalibrationCurve(points=points)
-    return found

@@ -29,7 +29,8 @@ from microplan.schemas.page.page import (
 
 _FOOT = (
     "One file, no scripts, nothing fetched. A spread is one standard deviation, by the "
-    "jackknife over what errs independently; a pull is found less stated over it."
+    "jackknife over what errs independently, of a stage's noise by the count of its "
+    "stops; a pull is found less stated over it."
 )
 _MOST_NOTES = 8  # in sight
 _FAR = 3.0  # standard deviations: stated and found disagree

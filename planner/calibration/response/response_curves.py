@@ -10,6 +10,7 @@ correction, each pixel's exposure eliminated.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.optimize import least_squares
 
 from microplan.arrays import FloatArray
 from microplan.optics.lens.sensor import ROUNDING
+from microplan.planner.calibration.estimates import jackknife_covariance
 from microplan.planner.calibration.response.light_levels import (
     CLEAR,
     LightLevels,
@@ -181,6 +183,21 @@ def rows_of(curve: LightCurve, white: float) -> tuple[tuple[float, float], ...] 
         return None
     shares = np.concatenate((np.zeros(1), light))[::32]
     return tuple(zip(shares.tolist(), fine[::32].tolist(), strict=True))
+
+
+def row_sigmas(
+    rows: tuple[tuple[float, float], ...], tables: Sequence[LightCurve], white: float
+) -> tuple[float | None, ...]:
+    """Return the deviations of rows' levels at their lights."""
+    shares = np.array([share for share, _ in rows])
+    without = []
+    for table in tables if rows else ():
+        own = np.array(rows_of(table, white) or [(0.0, math.nan)])
+        without.append(np.interp(shares, own[:, 0], own[:, 1]))
+    covariance = jackknife_covariance(without)
+    if covariance is None:
+        return tuple(None for _ in rows)
+    return tuple(np.sqrt(np.diag(covariance)).tolist())
 
 
 def log_of(lights: FloatArray) -> FloatArray:

@@ -33,6 +33,7 @@ from microplan.planner.calibration.response.response_curves import (
     log_of,
     log_weights,
     power_curve,
+    row_sigmas,
     rows_of,
     table_curve,
 )
@@ -162,7 +163,7 @@ def _judged(
         white=white,
         white_is_seen=seen,
         rows=taken,
-        row_sigmas=_row_sigmas(taken, tables, white),
+        row_sigmas=row_sigmas(taken, tables, white),
         seen=(float(inside.min() - black) / span, float(inside.max() - black) / span),
         held_out_power=rms[0],
         held_out_table=None if rows is None else rms[1],
@@ -240,18 +241,3 @@ def _held_out(
         return math.nan
     off = np.interp(wanted, rising, grid) - levels.means[use, light]
     return float(np.sqrt(np.mean(off[inside] ** 2)))
-
-
-def _row_sigmas(
-    rows: tuple[tuple[float, float], ...], tables: Sequence[LightCurve], white: float
-) -> tuple[float | None, ...]:
-    """Return the deviations of rows' levels at their lights."""
-    shares = np.array([share for share, _ in rows])
-    without = []
-    for table in tables if rows else ():
-        own = np.array(rows_of(table, white) or [(0.0, math.nan)])
-        without.append(np.interp(shares, own[:, 0], own[:, 1]))
-    covariance = jackknife_covariance(without)
-    if covariance is None:
-        return tuple(None for _ in rows)
-    return tuple(np.sqrt(np.diag(covariance)).tolist())

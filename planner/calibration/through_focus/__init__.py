@@ -2,7 +2,7 @@
 
 In: pictures with focus readings, a drawing, the workcell.
 Out: what makes the compiler's images of the part's edges those of the pictures.
-The type that passes: `FocusStep` (focus_fit), `ProfileTable` (profile_table).
+The type that passes: `FocusStep` (focus_step), `ProfileTable` (profile_table).
 May be touched here: profiles across edges; images come from the compiler's renderer.
 Watched by: tests/planner/calibration/through_focus
 """

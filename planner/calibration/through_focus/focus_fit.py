@@ -16,6 +16,11 @@ from microplan.planner.calibration.estimates import (
     VectorEstimate,
     jackknife_vector,
 )
+from microplan.planner.calibration.through_focus.focus_step import (
+    FocusStep,
+    in_light_of,
+    sharpest_um,
+)
 
 FEWEST_STEPS, FEWEST_ASIDE = 5, 2  # in all, and on either side of the sharpest
 _METHOD = "edge profiles through focus against the compiler's images, steps left out"
@@ -35,14 +40,6 @@ _STATE = "; is the workcell's numerical_aperture about right?"
 
 # profile (L,) of a defocus, um, and an aperture
 Profiles = Callable[[float, float], FloatArray]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FocusStep:
-    """Mean profile across a part's edges at one focus reading."""
-
-    z_um: float  # reading
-    profile: FloatArray  # (L,) light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,15 +66,6 @@ class FocusFit:
     def scale(self) -> BlockEstimate:
         """Return the travel of the focus over that of the readings."""
         return self.numbers.one(2)
-
-
-def sharpest_um(steps: Sequence[FocusStep]) -> float:
-    """Return the reading of the profile that is steepest for its contrast."""
-    steep = [
-        float(np.abs(np.diff(s.profile)).max() / max(np.ptp(s.profile), 1e-9))
-        for s in steps
-    ]
-    return steps[int(np.argmax(steep))].z_um
 
 
 def unfit_steps(steps: Sequence[FocusStep]) -> Refused | None:
@@ -224,16 +212,6 @@ def _off(step: FocusStep, meant: FloatArray) -> FloatArray:
     line, contrast = in_light_of(step, meant)
     size = abs(contrast * float(np.ptp(meant)))
     return np.asarray((step.profile - line) / max(size, 1e-9))
-
-
-def in_light_of(step: FocusStep, meant: FloatArray) -> tuple[FloatArray, float]:
-    """Return an image's profile (L,) in the light of a step's, and its contrast [1].
-
-    Light, contrast and place are those that suit best: they are not the blur.
-    """
-    design = np.column_stack([np.ones(len(meant)), meant, np.gradient(meant)])
-    numbers = np.linalg.lstsq(design, step.profile, rcond=None)[0]
-    return np.asarray(design @ numbers), float(numbers[1])
 
 
 def _held_out(

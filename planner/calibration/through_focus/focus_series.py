@@ -26,13 +26,15 @@ from microplan.planner.calibration.through_focus.edge_profile import (
 )
 from microplan.planner.calibration.through_focus.focus_fit import (
     FocusFit,
-    FocusStep,
     fit_focus,
-    in_light_of,
     most_defocus_um,
-    sharpest_um,
     suited,
     unfit_steps,
+)
+from microplan.planner.calibration.through_focus.focus_step import (
+    FocusStep,
+    in_light_of,
+    sharpest_um,
 )
 from microplan.planner.calibration.through_focus.profile_table import (
     ProfileTable,

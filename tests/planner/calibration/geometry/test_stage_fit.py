@@ -15,11 +15,8 @@ from microplan.planner.calibration.geometry.affine_scale import (
     scales,
     stretch_of,
 )
-from microplan.planner.calibration.geometry.stage_fit import (
-    StageFit,
-    StageStop,
-    fit_stage,
-)
+from microplan.planner.calibration.geometry.stage_fit import StageFit, fit_stage
+from microplan.planner.calibration.geometry.stage_stop import StageStop
 
 CORNER_PX = 400.0
 GRID = [(x, y) for x in (-90.0, -30.0, 30.0, 90.0) for y in (-60.0, 0.0, 60.0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,24 @@ def test_a_call_writes_its_page_and_nothing_over_another_file(
     assert main([*call, str(page)]) == 0  # its own page is renewed
     assert main([*call, str(cell)]) == 2
     assert "error[MP703]" in capsys.readouterr().err
+
+
+def test_where_no_workcell_is_written_no_page_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Black at 30 leaves six counts up to the white level that is stated."""
+    cell, page = cell_of(tmp_path / "task"), tmp_path / "page.html"
+    text = cell.read_text(encoding="utf-8")
+    stated = text.replace("camera: {", "camera: {white_level: 36, ")
+    cell.write_text(stated, encoding="utf-8")
+    camera = replace(TRUE, black=30.0, gamma=1.0, gain=0.8)
+    lights = write_lights(tmp_path / "lights", camera, LIGHTS, 8)
+    out = cell.with_name("new.yaml")
+    call = ["calibrate", str(lights), "--workcell", str(cell), "--report", str(page)]
+    assert main([*call, "-o", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "nothing is written" in said
+    assert "counts reach" in said
+    assert "mend camera.white_level in the workcell" in said
+    assert not page.exists()
+    assert not out.exists()

@@ -11,11 +11,8 @@ from scipy.special import erf
 
 from microplan.arrays import FloatArray
 from microplan.planner.calibration.estimates import Refused
-from microplan.planner.calibration.through_focus.focus_fit import (
-    FocusFit,
-    FocusStep,
-    fit_focus,
-)
+from microplan.planner.calibration.through_focus.focus_fit import FocusFit, fit_focus
+from microplan.planner.calibration.through_focus.focus_step import FocusStep
 
 ACROSS = np.linspace(-8, 8, 33)
 TRUE = (0.4, 0.7, 1.03)  # aperture, zero, scale
