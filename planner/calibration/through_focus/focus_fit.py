@@ -82,6 +82,12 @@ def unfit_steps(steps: Sequence[FocusStep]) -> Refused | None:
     return None
 
 
+def unsettled(aperture: float) -> Refused:
+    """Return the refusal of steps that suit another aperture than images are about."""
+    why = f"none is settled on; the last that suited is {aperture:.3g}"
+    return Refused(what="aperture and focus", why=why, take=_TAKE + _STATE)
+
+
 def suited(
     steps: Sequence[FocusStep],
     profiles: Profiles,

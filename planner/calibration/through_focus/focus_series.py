@@ -30,6 +30,7 @@ from microplan.planner.calibration.through_focus.focus_fit import (
     most_defocus_um,
     suited,
     unfit_steps,
+    unsettled,
 )
 from microplan.planner.calibration.through_focus.focus_step import (
     FocusStep,
@@ -77,16 +78,16 @@ def focus_axis(
     if report.failed or not intake.fits(0, where):
         return None
     found: FocusFit | Refused | None = unfit_steps(steps)
-    table = None if found else _table(points, finder.first, steps)
-    if table is not None:
+    table = found or _table(points, finder.first, steps)
+    if isinstance(table, ProfileTable):
         found = fit_focus(steps, table, table.middle, table.ends)
-    if table is None or not isinstance(found, FocusFit):
-        _refuse(found, where, report)
+    if not (isinstance(table, ProfileTable) and isinstance(found, FocusFit)):
+        _refuse(found or table, where, report)
         return None
     return _series(found, steps, table, intake.source(), stated_aperture)
 
 
-def _refuse(found: Refused | FocusFit | None, where: Span, report: Report) -> None:
+def _refuse(found: object, where: Span, report: Report) -> None:
     """Report why steps do not tell what is asked for."""
     message, hint = "the part's edges leave its images", "take smaller focus steps"
     if isinstance(found, Refused):
@@ -133,9 +134,9 @@ def _steps(
 
 def _table(
     points: EdgePoints, first: MeasuredPicture, steps: Sequence[FocusStep]
-) -> ProfileTable | None:
+) -> ProfileTable | Refused | None:
     """Return the images' profiles at all defocus and apertures that steps may have."""
-    aperture, table = points.case.microscope.aperture, None
+    aperture = points.case.microscope.aperture
     numbers = np.array([aperture, sharpest_um(steps), 1.0])
     for _ in range(_TABLES):
         most_um = _BEYOND * most_defocus_um(steps, numbers)
@@ -145,7 +146,7 @@ def _table(
         numbers = suited(steps, table, table.middle, table.ends)
         if table.holds(most_defocus_um(steps, numbers), float(numbers[0])):
             return table
-    return table
+    return unsettled(float(numbers[0]))
 
 
 def _series(

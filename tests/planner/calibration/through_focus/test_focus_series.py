@@ -90,3 +90,13 @@ def test_steps_on_one_side_are_refused(
     said = capsys.readouterr().err
     assert "0 readings below the sharpest" in said
     assert "photograph the part at nine focus readings" in said
+
+
+def test_an_aperture_many_times_as_stated_is_refused(
+    folder: Path, pictures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = call(folder, pictures, cell=stating(folder, 0.1))
+    assert found == 2
+    said = capsys.readouterr().err
+    assert "none is settled on" in said
+    assert "numerical_aperture about right?" in said
