@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Terms = tuple[tuple[int, float], ...]  # Noll's index, waves rms over the pupil
 Halo = tuple[float, float]  # um, the standard deviation of a Gaussian; share of light
@@ -65,6 +65,19 @@ class Microscope:
     def um_per_px(self) -> float:
         """Return the pixel pitch in object space, um."""
         return self.pitch_um / self.magnification
+
+    @property
+    def without_pixels(self) -> Microscope:
+        """Return the lens alone: what depends on no pixel is shared by all zooms."""
+        return replace(
+            self,
+            magnification=1.0,
+            pitch_um=1.0,
+            width_px=1,
+            height_px=1,
+            fill_factor=1.0,
+            halo=None,
+        )
 
     @property
     def field_um(self) -> tuple[float, float]:

@@ -169,17 +169,8 @@ def tabulate(
     """
     if not 0 < x_max <= 1 or 1 - x_max == 1:
         raise ValueError(f"x_max must be in (1e-16, 1], got {x_max}")
-    eyeless = replace(
-        microscope,
-        magnification=1.0,
-        pitch_um=1.0,
-        width_px=1,
-        height_px=1,
-        fill_factor=1.0,
-        wavefront=(),
-        halo=None,
-    )
-    return _tabulate(model, eyeless, z_um, x_max)
+    lens = replace(microscope.without_pixels, wavefront=())
+    return _tabulate(model, lens, z_um, x_max)
 
 
 @lru_cache(maxsize=256)  # layers of one height and draws of one focus share theirs

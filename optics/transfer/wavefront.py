@@ -63,7 +63,7 @@ def transfer_change(
             f"z_um must be within {most_defocus_um(microscope):.3g}, got {z_um}"
         )
     cells = _cells(microscope, z_um)
-    cubics = _changes(_eyeless(microscope), z_um, cells)
+    cubics = _changes(microscope.without_pixels, z_um, cells)
     step_per_um = microscope.cutoff_per_um / (2 * cells)
     along, up = (_weights(f / step_per_um, cells) for f in (u_per_um, v_per_um))
     return np.asarray(up @ cubics @ along.T)
@@ -86,7 +86,7 @@ def disc_shift_um(microscope: Microscope) -> tuple[float, float]:
     lens, side = microscope, microscope.um_per_px * math.sqrt(microscope.fill_factor)
     f = lens.cutoff_per_um * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
     x = y = 0.0
-    for angle, line in zip(_angles(), _lines(_eyeless(lens)), strict=True):
+    for angle, line in zip(_angles(), _lines(lens.without_pixels), strict=True):
         c, s = math.cos(angle), math.sin(angle)
         off = _edge_um(f, line * np.sinc(f * c * side) * np.sinc(f * s * side))
         x, y = x + 2 * c * off / _DIRECTIONS, y + 2 * s * off / _DIRECTIONS
@@ -132,19 +132,6 @@ def _weights(shifts: FloatArray, cells: int) -> FloatArray:
     d = np.abs(shifts[:, None] - np.arange(-2 * cells, 2 * cells + 1))
     near, far = 2 / 3 - d**2 + d**3 / 2, np.maximum(2 - d, 0) ** 3 / 6
     return np.where(d < 1, near, far)
-
-
-def _eyeless(microscope: Microscope) -> Microscope:
-    """Return the lens alone: what depends on no pixel is shared by all zooms."""
-    return replace(
-        microscope,
-        magnification=1.0,
-        pitch_um=1.0,
-        width_px=1,
-        height_px=1,
-        fill_factor=1.0,
-        halo=None,
-    )
 
 
 def _cells(microscope: Microscope, z_um: float) -> int:
