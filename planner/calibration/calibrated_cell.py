@@ -11,8 +11,14 @@ from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
     CalibrationSeries,
 )
+from microplan.planner.calibration.discrepancy.discrepancy_values import (
+    MOST,
+    SECTION,
+    with_discrepancy,
+)
 from microplan.planner.calibration.geometry.part_finder import part_finder
 from microplan.planner.calibration.geometry.part_places import PartPlaces
+from microplan.planner.calibration.geometry.placed_stills import placed_stills
 from microplan.planner.calibration.geometry.stage_series import stage_axes
 from microplan.planner.calibration.light_series import camera_response
 from microplan.planner.calibration.ome_positions import OME, read_positions
@@ -90,7 +96,8 @@ def _with_readings(
     readings: PictureReadings, call: CalibrateCall, report: Report
 ) -> CalibrationSeries | None:
     """Return what a series with readings tells."""
-    if readings.kind == "still":
+    moved = len({row.group for row in readings.rows}) > 1 and call.part is not None
+    if readings.kind == "still" and not moved:
         return _still(readings.files, call, report)
     intake = PictureIntake(
         report=report, camera_bits=_camera_bits(call.cell), bits=call.bits
@@ -106,8 +113,15 @@ def _with_readings(
     if readings.kind == "focus":
         stated = _number(call.cell, "optics", "numerical_aperture")
         return focus_axis(readings, finder, intake, stated)
+    at = Span(file=str(readings.file))
     places = PartPlaces(finder=finder, intake=intake)
-    return stage_axes(readings, places, _number(call.cell, "optics", "distortion"))
+    if readings.kind == "stage":
+        bend = _number(call.cell, "optics", "distortion")
+        series = stage_axes(readings, places, bend)
+    else:
+        series = placed_stills(readings, places)
+    shares = stated_shares(call.cell)
+    return with_discrepancy(series, places.misfits, intake, at, shares)
 
 
 def _camera_bits(cell: Checked) -> int:
@@ -125,6 +139,12 @@ def _number(cell: Checked, section: str, key: str) -> float | None:
     """Return a number that a workcell states, None if it states none there."""
     said = cell.source.get(section, key)
     return float(said) if isinstance(said, int | float) else None
+
+
+def stated_shares(cell: Checked) -> Mapping[str, float]:
+    """Return the shares of its discrepancy that a workcell states [1], by name."""
+    said = {name: cell.source.get(SECTION, name) for name in MOST}
+    return {k: float(v) for k, v in said.items() if isinstance(v, int | float)}
 
 
 def first_of_each(

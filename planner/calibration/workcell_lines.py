@@ -18,14 +18,14 @@ def with_calibrated(text: str, values: Sequence[CalibratedValue]) -> str:
     Parameters
     ----------
     text : str
-        A valid workcell file; sections that values belong to are mappings in it.
+        A valid workcell file; a section that it does not have is put at its end.
     values : sequence of CalibratedValue
         Values of no section are in the block alone; what is there of others stays.
     """
     for value in values:
         if value.where is not None:
             section, key = value.where
-            text = _with_key(text, _mapping(text, section), key, value.line)
+            text = _with_value(text, section, key, value.line)
     kept = yaml.safe_load(text).get("calibrated") or {}
     said = {**kept, **{value.key: value.record for value in values}}
     root = _root(text)
@@ -36,12 +36,22 @@ def with_calibrated(text: str, values: Sequence[CalibratedValue]) -> str:
     return _with_block(text, block)
 
 
-def _mapping(text: str, key: str) -> yaml.MappingNode:
-    """Return the node of a top-level mapping."""
+def _with_value(text: str, section: str, key: str, value: str) -> str:
+    """Return the text with a key of a section set."""
+    node, line = _mapping(text, section), f"{{{key}: {value}}}"
+    if node is not None and node.value:
+        return _with_key(text, node, key, value)
+    if node is not None or _root(text).flow_style:
+        return _with_key(text, _root(text), section, line)
+    return f"{text.rstrip()}\n\n{section}: {line}\n"
+
+
+def _mapping(text: str, key: str) -> yaml.MappingNode | None:
+    """Return the node of a top-level mapping, None if there is none."""
     for name, value in _root(text).value:
         if name.value == key and isinstance(value, yaml.MappingNode):
             return value
-    raise ValueError(f"no mapping {key!r}")
+    return None
 
 
 def _root(text: str) -> yaml.MappingNode:

@@ -86,6 +86,6 @@ def report_trueness(
         f"discrepancy of pictures ({stated_words(cell.discrepancy)}): by it alone "
         f"looks err by so many um, one sigma, however often they repeat: "
         f"{', '.join(told)}",
-        "state `discrepancy` in the workcell, by pictures of a part whose drawing is "
-        "known",
+        "microplan calibrate finds `discrepancy` in pictures of a part whose drawing "
+        "is known, at six places or more",
     )

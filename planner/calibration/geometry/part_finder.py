@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from microplan.arrays import FloatArray
+from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.trials.chains import Chain
+from microplan.optics.render.scene import Window
 from microplan.planner.calibration.readings import PictureReading, PictureReadings
 from microplan.planner.measure.measuring import MeasuredPicture, PictureSeries
 from microplan.planner.measure.near import NearPlace
@@ -21,6 +22,7 @@ from microplan.planner.measure.picture_files import (
     PictureError,
     pages_of,
 )
+from microplan.planner.measure.picture_region import PictureRegion
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.store.memo import Memo
 
@@ -46,10 +48,10 @@ class PartFinder:
         Its region may reach beyond the picture, which goes on there as at its rim; the
         part itself may not.
         """
-        near, window = self._near(page.counts), self.series.look.case.window
+        near = self._near(page.counts)
         if near is None:
             return None
-        beyond = max(window.rows, window.columns)
+        beyond = _beyond(self.series.look.case.window)
         self.series.near = replace(near, x=near.x + beyond, y=near.y + beyond)
         wide = np.pad(page.counts, beyond, mode="edge")
         found = self.series.found_in(replace(page, counts=wide))
@@ -74,6 +76,34 @@ class PartFinder:
             unit="px",
             theta_rad=first.turn_rad,
         )
+
+
+def seen_pixels(region: PictureRegion, size: tuple[int, int]) -> BoolArray:
+    """Return which pixels of a region that was found lie in its picture.
+
+    Parameters
+    ----------
+    region : PictureRegion
+        As `PartFinder.found_in` has it.
+    size : (rows, columns)
+        Of the picture, px.
+
+    Returns
+    -------
+    (R, C) bool array
+        False where the picture was continued beyond its rim.
+    """
+    beyond, window = _beyond(region.case.window), region.case.window
+    row = region.rows.start - beyond + np.arange(window.rows)
+    column = region.columns.start - beyond + np.arange(window.columns)
+    high, wide = (row >= 0) & (row < size[0]), (column >= 0) & (column < size[1])
+    inside: BoolArray = high[:, None] & wide
+    return inside
+
+
+def _beyond(window: Window) -> int:
+    """Return by how many px pictures are continued beyond their rims."""
+    return max(window.rows, window.columns)
 
 
 def part_finder(

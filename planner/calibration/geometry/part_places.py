@@ -11,13 +11,14 @@ import numpy as np
 
 from microplan.arrays import BoolArray
 from microplan.featuresel.look.nominal import nominal_render
+from microplan.planner.calibration.discrepancy.place_misfits import PlaceMisfits
 from microplan.planner.calibration.geometry.drawn_edges import (
     TRUE_PX,
     DrawnScale,
     drawn_scale,
     lone_points,
 )
-from microplan.planner.calibration.geometry.part_finder import PartFinder
+from microplan.planner.calibration.geometry.part_finder import PartFinder, seen_pixels
 from microplan.planner.calibration.geometry.stage_stop import StageStop
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.readings import (
@@ -51,6 +52,7 @@ class PartPlaces:
 
     finder: PartFinder
     intake: PictureIntake
+    misfits: PlaceMisfits = field(default_factory=PlaceMisfits)
     found: list[PartPlace] = field(default_factory=list)
     corner_px: float = 0.0  # from the middle of a picture to its corner
     _lone: BoolArray | None = None
@@ -83,11 +85,16 @@ class PartPlaces:
             reading=row,
             right_px=column - (size[1] - 1) / 2,
             up_px=(size[0] - 1) / 2 - line,
-            drawn=self._drawn(measured),
+            drawn=self._drawn(row, measured, size),
         )
 
-    def _drawn(self, measured: MeasuredPicture) -> DrawnScale | None:
-        """Return how large the part looks, None if the picture does not tell."""
+    def _drawn(
+        self, row: PictureReading, measured: MeasuredPicture, size: tuple[int, int]
+    ) -> DrawnScale | None:
+        """Return how large the part looks, None if the picture does not tell.
+
+        Its misfit is kept.
+        """
         case = measured.region.case
         if self._lone is None:
             self._lone = lone_points(case)
@@ -96,6 +103,9 @@ class PartPlaces:
         x_um, y_um, turn = measured.pose
         meant = nominal_render(case)(dx_um=x_um, dy_um=y_um, theta_rad=turn)
         theta = case.target.theta_rad + turn
+        place = row.x_um, row.y_um, row.group
+        used = seen_pixels(measured.region, size)
+        self.misfits.add(place, case, measured.shown, meant, measured.at_px, used)
         return drawn_scale(
             case, measured.shown, meant, measured.at_px, theta, self._lone
         )
