@@ -8,7 +8,9 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
+from skimage.io import imsave
 
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.control import tolerance_um
@@ -139,6 +141,15 @@ def _grasp_and_release(folder: Path) -> None:
     cut(folder / "task.yaml", GRASP, release)
 
 
+def _two_frames(folder: Path) -> None:
+    """Write two pictures of a still scene."""
+    (folder / "frames").mkdir()
+    rng = np.random.default_rng(2)
+    for name in ("a.png", "b.png"):
+        counts = rng.integers(90, 110, (48, 64)).astype(np.uint8)
+        imsave(str(folder / "frames" / name), counts, check_contrast=False)
+
+
 def _readings(folder: Path) -> None:
     """Put the page's table of readings among the drawings."""
     (folder / "parts" / "readings.csv").write_text("file,depth\n", encoding="utf-8")
@@ -151,6 +162,7 @@ PREPARED: Mapping[str, Callable[[Path], None]] = {
     "MP504": _see_post_well,
     "MP602": _grasp_and_release,
     "MP616": _see_post,
+    "MP904": _two_frames,
     "MP905": _readings,
 }
 
