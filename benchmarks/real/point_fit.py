@@ -61,11 +61,11 @@ def point_image(lens: Microscope, z_um: float, at_px: FloatArray) -> FloatArray:
     """
     rows, columns = lens.height_px, lens.width_px
     tall, wide = _PERIOD * rows, _PERIOD * columns
-    u = fft.rfftfreq(wide, lens.um_per_px)[None, :]
-    v = -fft.fftfreq(tall, lens.um_per_px)[:, None]
+    across, up = fft.rfftfreq(wide, lens.um_per_px), -fft.fftfreq(tall, lens.um_per_px)
+    u, v = across[None, :], up[:, None]
     x = np.minimum(np.hypot(u, v) / lens.cutoff_per_um, 1.0)
     table = tabulate("exact", replace(lens, wavefront=()), abs(z_um))
-    seen = np.where(x < 1, table.read(x), 0.0) + transfer_change(lens, z_um, u, v)
+    seen = np.where(x < 1, table.read(x), 0.0) + transfer_change(lens, z_um, across, up)
     seen = seen * np.sinc(u * lens.um_per_px) * np.sinc(v * lens.um_per_px)
     x_um, y_um = (at_px + (columns // 2, rows // 2)) * lens.um_per_px
     seen = seen * np.exp(-2j * np.pi * (u * x_um - v * y_um))
