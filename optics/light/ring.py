@@ -107,12 +107,13 @@ def render_ring(
         image, patches, scene.background * (1.0 if below is None else below.seen)
     )
     far_light = partial(ring_table, [c.layer for c in everything], lamp=lamp)
-    for change in (
-        view.residual(scene, everything, faces),
-        wall_residual(view, scene, everything, faces, far_light, is_fine=True),
-    ):
-        if change is not None:
-            image += change
+    if sampling.rays > 0:
+        for change in (
+            view.residual(scene, everything, faces),
+            wall_residual(view, scene, everything, faces, far_light, is_fine=True),
+        ):
+            if change is not None:
+                image += change
     strip = mirrored_strip(lamp, microscope.aperture / microscope.medium_index)
     image += _lines(everything, faces, (line, strip), covered)
     light_up(image, microscope, frame, light or Illumination())

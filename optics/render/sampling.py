@@ -149,9 +149,10 @@ class Sampling:
     def __post_init__(self) -> None:
         for name in ("band_error", "margin", "near", "rays", "walls"):
             value = getattr(self, name)
-            least = 0.0 if name == "rays" else math.nextafter(0.0, 1.0)
-            if value is not None and not (least <= value < math.inf):
-                raise ValueError(f"{name} must be positive and finite, got {value}")
+            may_be_none = name == "rays" and value == 0
+            if value is None or may_be_none or 0 < value < math.inf:
+                continue
+            raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
 def margin_um(microscope: Microscope, z_um: float, margin: float = MARGIN) -> float:

@@ -96,7 +96,7 @@ def _with_readings(
     readings: PictureReadings, call: CalibrateCall, report: Report
 ) -> CalibrationSeries | None:
     """Return what a series with readings tells."""
-    moved = len({row.group for row in readings.rows}) > 1 and call.part is not None
+    moved = len({row.group for row in readings.rows}) > 1
     if readings.kind == "still" and not moved:
         return _still(readings.files, call, report)
     intake = PictureIntake(
@@ -105,7 +105,8 @@ def _with_readings(
     if readings.kind == "light":
         return camera_response(readings, intake, stated_numbers(call.cell))
     if call.part is None:
-        message = f"{readings.kind} readings tell something of a known part only"
+        what = "groups" if readings.kind == "still" else f"{readings.kind} readings"
+        message = f"{what} tell something of a known part only"
         raise CallError("MP903", message, readings.file, "--part names its drawing")
     finder = part_finder(readings, call.part, call.bits, report, call.memo)
     if finder is None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.trials import PreparedRoutines
+from microplan.planner.looks.model_errors.answer_shift import AnswerShift
 from microplan.planner.looks.model_errors.better_models import (
     BetterModel,
     better_models,
@@ -58,9 +59,20 @@ def lens_trueness_um(
         found = effect_difference(model, own)
         if isinstance(found, str):
             return None
-        most_um = float((np.abs(found.place.mean) + found.place.half_width).max())
-        squares += (most_um / _UNIFORM) ** 2
+        squares += _square_um2(found.place, is_known=len(model.ends) == 1)
     return math.sqrt(squares)
+
+
+def _square_um2(moved: AnswerShift, *, is_known: bool) -> float:
+    """Return the mean square of what a lens moves answers by, the worse axis, um^2.
+
+    What is known moves them in the camera's axes: where targets lie at any angle its
+    mean along theirs is nothing, and all of it is in the scatter.
+    """
+    if is_known:
+        return float((moved.mean**2 + moved.sigma**2).max())
+    most_um = float((np.abs(moved.mean) + moved.half_width).max())
+    return (most_um / _UNIFORM) ** 2
 
 
 def _changes(model: BetterModel) -> bool:

@@ -51,8 +51,9 @@ def with_discrepancy(
     found = discrepancy_shares(seen)
     if isinstance(found, Refused):
         message = f"no {found.what}: {found.why}"
-        intake.report.warning(CODE, where, message, f"photograph {found.take}")
-        return series
+        tell = intake.report.warning if series.values else intake.report.error
+        tell(CODE, where, message, f"photograph {found.take}")
+        return series if series.values else None
     wild = [name for name, each in found.shares.items() if each.value > MOST[name]]
     if wild:
         value, most = found.shares[wild[0]].value, MOST[wild[0]]

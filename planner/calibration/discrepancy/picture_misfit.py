@@ -30,10 +30,6 @@ class PictureMisfit:
     step: float  # usual at the target's edges
     basis: FloatArray  # (N, 6) of the N used pixels, orthonormal: what was fitted
 
-    def with_light(self, light: FloatArray) -> PictureMisfit:
-        """Return the misfit where the same fit is of other light (rows, columns)."""
-        return replace(self, residual=left_over(light, self.basis, self.used))
-
 
 def part_discrepancy(case: LookCase) -> Discrepancy:
     """Return the correlation lengths of a look's discrepancy, all shares 1."""

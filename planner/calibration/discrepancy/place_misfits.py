@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import special
 
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.look.scenario import LookCase
@@ -28,9 +29,10 @@ _FEWEST_PX = 100  # edges and faces, each
 _FEWEST_PLACES = 2  # one draw of an edge's field tells nothing of its size
 _LEFT = 0.05  # of a share's square: what the fit must leave of it
 _OTHER = 0.02  # of the pixels in view: no other fit
-_SIGMAS = 3.0  # standard deviations
+_SURE = 0.9987  # one-sided, as 3 normal standard deviations
 _WORDS = "that which the workcell states"
 _FITTED = "no discrepancy_{}: the part shows too little beside its edges"
+_FEW = "no discrepancy_{}: too few places tell it from none; take six or more"
 _LESS = (
     "no discrepancy_pixel: pictures have less noise than the workcell states; "
     "calibrate its noise, or take two frames or more at each place"
@@ -130,6 +132,9 @@ def discrepancy_shares(seen: PlaceMisfits) -> DiscrepancyEstimate | Refused:
     method = f"residuals, without noise: {noise}; jackknife over places"
     found = jackknife_vector(squares, blocks, method=method)
     each = {NAMES[k]: found.one(index) for index, k in enumerate(told)}
+    none = [name for name, square in each.items() if _is_open(square)]
+    untold = (*untold, *(_FEW.format(name) for name in none))
+    each = {name: square for name, square in each.items() if name not in none}
     if "pixel" in each and _is_below(each["pixel"]):
         del each["pixel"]
         untold = (*untold, _LESS)
@@ -137,9 +142,17 @@ def discrepancy_shares(seen: PlaceMisfits) -> DiscrepancyEstimate | Refused:
     return DiscrepancyEstimate(shares=shares, untold=untold)
 
 
+def _is_open(square: BlockEstimate) -> bool:
+    """Return whether a square is nothing, or too few places show that it is not."""
+    return square.sigma is None and square.value <= 0
+
+
 def _is_below(square: BlockEstimate) -> bool:
-    """Return whether a square is negative beyond doubt."""
-    return square.sigma is not None and square.value < -_SIGMAS * square.sigma
+    """Return whether a square is negative beyond doubt, by Student's t."""
+    if square.sigma is None:
+        return False
+    sigmas = float(special.stdtrit(square.blocks - 1, _SURE))
+    return square.value < -sigmas * square.sigma
 
 
 def _root(found: BlockEstimate) -> BlockEstimate:

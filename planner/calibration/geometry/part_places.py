@@ -9,7 +9,7 @@ from itertools import groupby
 
 import numpy as np
 
-from microplan.arrays import BoolArray
+from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.planner.calibration.discrepancy.place_misfits import PlaceMisfits
 from microplan.planner.calibration.geometry.drawn_edges import (
@@ -29,6 +29,8 @@ from microplan.planner.calibration.readings import (
 from microplan.planner.measure.measuring import MeasuredPicture
 from microplan.planner.measure.picture_files import PictureCounts, PictureError
 from microplan.planner.source.diagnostics import Span
+
+_CUT = 0.001  # share of pixels at the highest value that means something cut off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,11 +106,20 @@ class PartPlaces:
         meant = nominal_render(case)(dx_um=x_um, dy_um=y_um, theta_rad=turn)
         theta = case.target.theta_rad + turn
         place = row.x_um, row.y_um, row.group
-        used = seen_pixels(measured.region, size)
+        used = seen_pixels(measured.region, size) & ~_cut_off(measured.shown)
         self.misfits.add(place, case, measured.shown, meant, measured.at_px, used)
         return drawn_scale(
             case, measured.shown, meant, measured.at_px, theta, self._lone
         )
+
+
+def _cut_off(shown: FloatArray) -> BoolArray:
+    """Return the pixels of a picture (rows, columns) where light is cut off, 0..1.
+
+    They share its highest value, which else a few pixels have.
+    """
+    highest: BoolArray = shown >= shown.max()
+    return highest if highest.mean() > _CUT else np.zeros_like(highest)
 
 
 def _refusal(measured: MeasuredPicture | PictureError | None) -> str:
