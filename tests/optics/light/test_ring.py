@@ -15,6 +15,7 @@ from microplan.optics.light.lamps import RingLamp, directions, edge_line
 from microplan.optics.light.mirrored_strip import lit_share, mirrored_strip
 from microplan.optics.light.ring import line_layer, render_ring
 from microplan.optics.outline.outline import Outline
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Scene
 from tests.optics.light.sharp_rays import (
     SharpPrism,
@@ -81,6 +82,23 @@ def test_faces_send_their_dull_share_of_the_ring_that_they_see(
     # a twelfth of a shadow apart leave a hundredth of the light
     assert np.sqrt((error**2).mean()) < math.hypot(own, 0.02)
     assert abs(error).max() < 0.1 + 4 * own
+
+
+def test_without_rays_only_what_they_change_is_left_out() -> None:
+    """Of one body, which nothing hides or shades, they change nothing."""
+    flat = Layer(name="a", outline=gear(), z_um=0.0, reflectance=0.8)
+    finger = Layer(name="b", outline=FINGER, z_um=120.0, reflectance=0.6,
+                   underside_um=20.0, wall_reflectance=0.5)  # fmt: skip
+    for bodies, is_same in (((flat,), True), ((flat, finger), False)):
+        scene = Scene(layers=bodies, background=FLOOR)
+        with_rays, without = (
+            render_ring(
+                scene, SHARP, focus_um=0.0, lamp=RING, sampling=Sampling(rays=rays)
+            )
+            for rays in (1.0, 0.0)
+        )
+        assert np.isfinite(without).all()
+        assert np.allclose(with_rays, without) == is_same
 
 
 def test_directions_fill_the_ring_evenly_by_what_they_irradiate() -> None:
