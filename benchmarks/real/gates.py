@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,16 +16,15 @@ from benchmarks.real.twin_pictures import (
     NEAR,
     TOGETHER,
     ZOOM,
+    disc_middle_um,
     write_part,
     write_pictures,
 )
 from microplan.featuresel.trials.chains import Chain
-from microplan.optics.transfer.wavefront import disc_shift_um
 from microplan.planner.measure.measuring import PictureSeries
 from microplan.planner.measure.near import parse_near
 from microplan.planner.measure.part_series import part_series
 from microplan.planner.measure.part_task import PartCall
-from validation.twins.optics import Optics
 from validation.twins.series import Pose
 
 CHAINS: tuple[Chain, ...] = (
@@ -78,11 +78,12 @@ def _figures(
 ) -> Iterator[Figure]:
     """Yield the shares of one part and chain, and print them by condition."""
     found = {
-        label: _shares(series, truth, CONDITIONS[label].lens)
+        label: _shares(series, truth, _shown_um(label))
         for label, truth in right.items()
     }
-    false = {label: _shares(series, truth, TOGETHER.lens)
-             for label, truth in wrong.items()}  # fmt: skip
+    false = {
+        label: _shares(series, truth, (0.0, 0.0)) for label, truth in wrong.items()
+    }
     for label, each in found.items():
         print(f"{name}, {label}: {each.accepted:.0%} accepted, {each.right:.0%} right")
     for label, each in false.items():
@@ -97,17 +98,24 @@ def _figures(
         yield Figure(name=f"real.{what}.{name}", value=mean, unit="1")
 
 
-def _shares(series: PictureSeries, truth: Mapping[Path, Pose], lens: Optics) -> _Shares:
-    """Return the shares that are accepted, and whose answer is right.
+@cache
+def _shown_um(label: str) -> tuple[float, float]:
+    """Return where a condition's lens shows the middle of a large disc in focus, um.
 
-    A calibrated camera shows the middle of a large disc in focus where it is: coma
-    displaces that.
+    By its own pictures: a calibrated camera takes it off.
     """
+    lens = CONDITIONS[label].lens
+    if not lens.zernike:
+        return 0.0, 0.0
+    off = disc_middle_um(lens) - disc_middle_um(replace(lens, zernike={}))
+    return float(off[0]), float(off[1])
+
+
+def _shares(
+    series: PictureSeries, truth: Mapping[Path, Pose], shown_um: tuple[float, float]
+) -> _Shares:
+    """Return the shares that are accepted, and whose answer is right."""
     accepted = right = 0
-    scope = replace(
-        series.look.case.microscope, wavefront=tuple(sorted(lens.zernike.items()))
-    )
-    shown_um = disc_shift_um(scope)
     for found in series.measured(sorted(truth)):
         accepted += found.is_accepted
         if found.x_um is None or found.y_um is None:

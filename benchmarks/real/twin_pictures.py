@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from skimage.io import imsave
+from skimage.measure import find_contours
 
 from benchmarks.truth.examples import GEAR
+from microplan.arrays import FloatArray
 from validation.twins.camera import Camera, dusted, exposed, graded
 from validation.twins.optics import Optics, image
-from validation.twins.scenes import Body, Scene, Shape, placed, write_dxf
+from validation.twins.scenes import Body, Scene, Shape, dot, placed, write_dxf
 from validation.twins.series import Pose
 
 ZOOM = 20.0
@@ -104,3 +106,19 @@ def _scene(shape: Shape | None, pose: Pose) -> Scene:
         return Scene(bodies=(), background=GROUND)
     lies = placed(shape, pose.x_um, pose.y_um, pose.theta_rad)
     return Scene(bodies=(Body(shape=lies, reflectance=PART),), background=GROUND)
+
+
+def disc_middle_um(lens: Optics) -> FloatArray:
+    """Return the middle of a disc of 30 um in a lens' picture in focus, (x, y) um.
+
+    That of the circle through its edges at half their step.
+    """
+    disc = Body(shape=dot(30.0), reflectance=PART)
+    scene = Scene(bodies=(disc,), background=GROUND)
+    light = image(scene, replace(lens, focus_um=0.0), SIZE, UM_PER_PX)
+    row, column = max(find_contours(light, (PART + GROUND) / 2), key=len).T  # type: ignore[no-untyped-call]
+    x = (column - (SIZE[1] - 1) / 2) * UM_PER_PX
+    y = ((SIZE[0] - 1) / 2 - row) * UM_PER_PX
+    known = np.stack([2 * x, 2 * y, np.ones_like(x)], axis=1)
+    found, *_ = np.linalg.lstsq(known, x**2 + y**2)
+    return np.asarray(found[:2])
