@@ -68,7 +68,7 @@ class Microscope:
 
     @property
     def without_pixels(self) -> Microscope:
-        """Return the lens alone: what depends on no pixel is shared by all zooms."""
+        """Return the lens without pixels and halo: images at all zooms share it."""
         return replace(
             self,
             magnification=1.0,

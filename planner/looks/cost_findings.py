@@ -13,7 +13,7 @@ from microplan.planner.views.requests import Request
 from microplan.schemas import plan as p
 
 CODE = "MP503"
-_HINT = "state what the image is not sure of (walls, finish, light, wavefront)"
+_HINT = "state what the image is not sure of (walls, finish, light, wavefront, halo)"
 
 
 def report_costs(
