@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from benchmarks.real import twin_pictures
 from microplan.optics.transfer.microscope import Microscope, Terms
 from microplan.optics.transfer.otf import diffraction
 from microplan.optics.transfer.wavefront import (
@@ -191,3 +192,17 @@ def test_under_a_pinhole_of_a_lamp_coma_is_its_middle_s_tilt() -> None:
     change = change_along(scope, 0.0, u, 0.0)[0]
     tilt = -2 * CENTROID * waves * scope.wavelength_um / scope.aperture
     assert change.imag == pytest.approx(math.sin(2 * np.pi * u[0] * tilt), rel=0.1)
+
+
+@pytest.mark.parametrize("noll", [7, 8])
+def test_a_disc_lies_where_a_twin_of_another_author_shows_it(noll: int) -> None:
+    """A disc of 30 um in pixels of .375 um: the twin's contour is read between them."""
+    perfect = twin_pictures.LENS
+    lens = replace(perfect, zernike={noll: 0.05})
+    wanted = twin_pictures.disc_middle_um(lens) - twin_pictures.disc_middle_um(perfect)
+    scope = Microscope(
+        aperture=0.42, wavelength_um=0.6, medium_index=1.0, magnification=20.0,
+        pitch_um=7.5, width_px=320, height_px=240, wavefront=((noll, 0.05),),
+    )  # fmt: skip
+    np.testing.assert_allclose(disc_shift_um(scope), wanted, rtol=0, atol=0.005)
+    assert np.abs(wanted).max() > 0.04
