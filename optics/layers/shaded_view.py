@@ -16,10 +16,15 @@ from microplan.optics.layers.coaxial_light import (
     fine_um,
     pixel_axes_um,
 )
-from microplan.optics.layers.joint_light import LightChange
-from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
+from microplan.optics.layers.joint.joint_faces import JointFace, laid
+from microplan.optics.layers.joint.joint_light import LightChange, share_on
+from microplan.optics.layers.joint.joint_occlusion import (
+    WIDEST,
+    joint_residual,
+    met_lattice,
+    ray_count,
+)
 from microplan.optics.layers.lattice import Lattice, blur
-from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.layers.mirrors.images import Images, image_faces
 from microplan.optics.layers.rays import extent
 from microplan.optics.render.render import Covered
@@ -57,16 +62,6 @@ class ShadedFace:
     def on(self, lattice: Lattice) -> FloatArray:
         """Return the share of the light at another lattice, (rows, columns), 0..1."""
         return share_on(self.light, self.changes, lattice)
-
-
-def share_on(
-    light: Irradiance, changes: Sequence[LightChange], lattice: Lattice
-) -> FloatArray:
-    """Return the share of the lamp's light at a lattice, (rows, columns), 0..1."""
-    share = light.on(lattice)
-    for change in changes:
-        share += change.on(lattice)
-    return np.clip(share, 0.0, 1.0) if changes else share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,7 +178,12 @@ class ShadedView:
         many times `finer`.
         """
         faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
-        found = joint_residual(faces, lattice, self.microscope, finer=self.rays)
+        found = joint_residual(
+            faces,
+            lattice,
+            self.microscope,
+            rays=ray_count(lattice, self.rays),
+        )
         if found is None:
             return None
         change = self.at_pixels(found.below, lattice)
@@ -225,13 +225,15 @@ class ShadedView:
         light, points, z_um = None, lattice, 0.0
         if height_um is not None and height_um in shaded:
             z_um = height_um - self.focus_um
-            points = wide(lattice, self.microscope, z_um)
+            points = self._met(lattice, z_um, shaded[height_um])
             light = shaded[height_um].on(points).astype(np.float32)
         covers, sends = (
             np.full(points.shape, each, dtype=np.float32)
             for each in (1.0, scene.background)
         )
-        return JointFace(z_um=z_um, covers=covers, sends=sends, light=light)
+        return JointFace(
+            z_um=z_um, lattice=points, covers=covers, sends=sends, light=light
+        )
 
     def _joint(
         self,
@@ -243,17 +245,9 @@ class ShadedView:
         """Return the layers of one height and finish where rays meet them."""
         height_um, finish = group[0].layer.z_um, group[0].layer.finish
         z_um = height_um - self.focus_um
-        points = wide(lattice, self.microscope, z_um)
-        covers = sends = np.zeros(points.shape, dtype=np.float32)
+        points = self._met(lattice, z_um, shaded.get(height_um))
         is_sharp = self.reach_um(height_um) <= sharp_um
-        for number, each in enumerate(() if is_sharp else group):
-            own = points.held_cells(each.layer)
-            sent = each.layer.reflectance * own
-            if number == 0:
-                covers, sends = own, sent
-                continue
-            free = 1 - own
-            covers, sends = covers * free + own, sends * free + sent
+        covers, sends = laid([] if is_sharp else [c.layer for c in group], points)
         light: Float32Array | None = None
         thin = False
         images: tuple[JointFace, ...] = ()
@@ -262,11 +256,13 @@ class ShadedView:
             light = face.on(points).astype(np.float32)
             thin = self._is_thin(face.light)
             if finish > 0:
+                rays = ray_count(lattice, self.rays)
                 images = image_faces(
-                    face.images, lattice, self.microscope, self.focus_um
+                    face.images, lattice, self.microscope, self.focus_um, rays
                 )
         return JointFace(
             z_um=z_um,
+            lattice=points,
             covers=covers,
             sends=sends,
             light=light,
@@ -274,6 +270,16 @@ class ShadedView:
             joins_light=thin,
             finish=finish,
             images=images,
+        )
+
+    def _met(self, lattice: Lattice, z_um: float, face: ShadedFace | None) -> Lattice:
+        """Return the points of a height, seen from focus, that rays meet."""
+        return met_lattice(
+            lattice,
+            self.microscope,
+            z_um,
+            ray_count(lattice, self.rays),
+            finest_um=math.inf if face is None else face.light.step_um,
         )
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import area_um
-from microplan.optics.layers.joint_occlusion import JointResidual
+from microplan.optics.layers.joint.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Area, Lattice, blur
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.solid_bodies import (

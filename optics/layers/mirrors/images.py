@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.joint_occlusion import wide
+from microplan.optics.layers.joint.joint_faces import JointFace
+from microplan.optics.layers.joint.joint_occlusion import met_lattice
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.render.render import cover
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Window
@@ -66,15 +66,29 @@ def free_of_images(
 
 
 def image_faces(
-    images: Images, lattice: Lattice, microscope: Microscope, focus_um: float
+    images: Images,
+    lattice: Lattice,
+    microscope: Microscope,
+    focus_um: float,
+    rays: int,
 ) -> tuple[JointFace, ...]:
-    """Return images as black faces where rays from a lattice's points meet them."""
+    """Return images as black faces where rays from a lattice's points meet them.
+
+    There are so many `rays` a point.
+    """
     found = []
     for group in images:
         z_um = group[0].z_um - focus_um
-        points = wide(lattice, microscope, z_um)
+        points = met_lattice(lattice, microscope, z_um, rays)
         free = np.ones(points.shape, dtype=np.float32)
         for layer in group:
             free *= 1 - points.held_cells(layer)
-        found.append(JointFace(z_um=z_um, covers=1 - free, sends=np.zeros_like(free)))
+        found.append(
+            JointFace(
+                z_um=z_um,
+                lattice=points,
+                covers=1 - free,
+                sends=np.zeros_like(free),
+            )
+        )
     return tuple(found)

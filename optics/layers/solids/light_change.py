@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance
-from microplan.optics.layers.joint_light import LightChange, joint_light
+from microplan.optics.layers.joint.joint_light import LightChange, joint_light
 from microplan.optics.layers.lattice import Area, Lattice
 from microplan.optics.layers.solids.mirrored_rays import RayEnd, first_met, mirrored
 from microplan.optics.layers.solids.solid_bodies import (

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray
-from microplan.optics.layers.joint_occlusion import JointResidual
+from microplan.optics.layers.joint.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Lattice
 from microplan.optics.layers.solids.mirrored_rays import first_met, mirrored, raised
 from microplan.optics.layers.solids.solid_bodies import (

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from microplan.optics.layers.joint_occlusion import joint_residual
+from microplan.optics.layers.joint.joint_faces import JointFace
+from microplan.optics.layers.joint.joint_occlusion import joint_residual, ray_count
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shaded_view import ShadedView
 from microplan.optics.layers.shading import render_coaxial
@@ -92,7 +92,9 @@ def test_two_patterns_of_rays_differ_by_little() -> None:
     """Turned by half the golden angle; the aims are .003 and .001 rms."""
     faces, lattice = joint_scene()
     one, other = (
-        joint_residual(faces, lattice, microscope(), spin_rad=spin)
+        joint_residual(
+            faces, lattice, microscope(), rays=ray_count(lattice, 1.0), spin_rad=spin
+        )
         for spin in (0.0, 1.2)
     )
     assert one is not None
@@ -111,7 +113,7 @@ def test_fewer_rays_differ_by_little() -> None:
     """256 a point in place of 1024."""
     faces, lattice = joint_scene()
     usual, few = (
-        joint_residual(faces, lattice, microscope(), finer=finer)
+        joint_residual(faces, lattice, microscope(), rays=ray_count(lattice, finer))
         for finer in (1.0, 0.3)
     )
     assert usual is not None

@@ -15,9 +15,14 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance
-from microplan.optics.layers.joint_occlusion import WIDEST, joint_residual, wide
+from microplan.optics.layers.joint.joint_faces import JointFace
+from microplan.optics.layers.joint.joint_occlusion import (
+    WIDEST,
+    joint_residual,
+    met_lattice,
+    ray_count,
+)
 from microplan.optics.layers.lattice import MORE, Area, Lattice
-from microplan.optics.layers.met_faces import JointFace
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
@@ -42,6 +47,16 @@ class LightChange:
             (y, -step, rows),
             beyond_um=(MORE + 2) * step + self.lattice.step_um,
         )
+
+
+def share_on(
+    light: Irradiance, changes: Sequence[LightChange], lattice: Lattice
+) -> FloatArray:
+    """Return the share of the lamp's light at a lattice, (rows, columns), 0..1."""
+    share = light.on(lattice)
+    for change in changes:
+        share += change.on(lattice)
+    return np.clip(share, 0.0, 1.0) if changes else share
 
 
 def joint_light(
@@ -82,22 +97,26 @@ def joint_light(
     step = max(min(radii) / _A_RADIUS, max(radii) / WIDEST)
     step = 2.0 ** math.floor(math.log2(step))  # images nearly alike share their points
     lattice = Lattice.over(area, step)
+    rays = ray_count(lattice, finer)
     white = np.ones((2, *lattice.shape), dtype=np.float32)
-    faces = [JointFace(z_um=0.0, covers=white[0], sends=white[1])]
+    faces = [JointFace(z_um=0.0, lattice=lattice, covers=white[0], sends=white[1])]
     above = sorted(
         (layer for layer in layers if layer.z_um in heights), key=lambda la: la.z_um
     )
     for z_um, group in itertools.groupby(above, key=lambda layer: layer.z_um):
-        points = wide(lattice, lamp, z_um - light.z_um)
+        points = met_lattice(lattice, lamp, z_um - light.z_um, rays)
         free = np.ones(points.shape, dtype=np.float32)
         for layer in group:
             free *= 1 - points.held_cells(layer)
         faces.append(
             JointFace(
-                z_um=z_um - light.z_um, covers=1 - free, sends=np.zeros_like(free)
+                z_um=z_um - light.z_um,
+                lattice=points,
+                covers=1 - free,
+                sends=np.zeros_like(free),
             )
         )
-    found = joint_residual(faces, lattice, lamp, diffracts=False, finer=finer)
+    found = joint_residual(faces, lattice, lamp, rays=rays, diffracts=False)
     if found is None:
         return None
     change = found.above + found.below
