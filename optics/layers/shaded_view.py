@@ -39,7 +39,8 @@ _STEPS = 4  # an octave of distances between points
 # What is blurred by less than so many of the finest points' distances is near focus:
 # taken as sharp, and about its edges on the finest points.
 _NEAR = 4.5
-_FINER = 2  # times closer are points about edges near focus
+# times closer are points about edges near focus: of all rays, and of trials' images
+_FINER, _LESS = 2.0, 1.4
 _SHARP = 0.02  # of that distance: a blur that images do not show
 # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
 _UNIFORM = 0.005
@@ -155,7 +156,8 @@ class ShadedView:
             return change
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=self.frame.part(*part))
-        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, _FINER)
+        closer = _FINER if self.rays >= 1 else _LESS
+        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, closer)
         if finer is None and change is None:
             return None
         coarse = np.zeros(edges.shape) if change is None else change
@@ -170,7 +172,7 @@ class ShadedView:
         seen: Sequence[Covered],
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
-        finer: int = 1,
+        finer: float = 1.0,
     ) -> FloatArray | None:
         """Return the residual if faces blurred by up to `sharp_um` hide sharply.
 
@@ -205,7 +207,7 @@ class ShadedView:
         seen: Sequence[Covered],
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
-        finer: int = 1,
+        finer: float = 1.0,
     ) -> tuple[list[JointFace], Lattice]:
         """Return a scene's faces, the lowest first, and the points rays come from."""
         groups = _by_height(seen)
@@ -292,7 +294,7 @@ class ShadedView:
         heights_um: Sequence[float],
         shaded: Sequence[ShadedFace],
         sharp_um: float,
-        finer: int,
+        finer: float,
     ) -> Lattice:
         """Return points as far apart as blurs of heights and faces allow."""
         m = self.microscope
