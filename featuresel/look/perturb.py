@@ -166,9 +166,7 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
 
 
 def as_tried(case: LookCase) -> LookCase:
-    """Return a look sampled as its trials are, where these draw surfaces."""
-    if not case.surfaces:
-        return case
+    """Return a look sampled as its trials are."""
     return replace(case, sampling=sampling_at(case, case.focus_um, RAYS))
 
 

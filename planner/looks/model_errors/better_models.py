@@ -107,11 +107,12 @@ def _traced(case: LookCase, effects: Collection[str]) -> BetterModel | None:
         named = tuple(name for name in named if name != SHADE)
     if not named:
         return None
+    plain = flat(as_tried(case))
     return BetterModel(
         effects=named,
         by="rays that bodies hide and shade one by one",
-        ends=(ImageModel(cases=((1.0, flat(case)),), is_traced=True),),
-        against=flat(case),
+        ends=(ImageModel(cases=((1.0, plain),), is_traced=True),),
+        against=plain,
     )
 
 
@@ -142,7 +143,7 @@ def _exact(case: LookCase, effects: Collection[str]) -> BetterModel:
 
 def _vectorial(case: LookCase) -> BetterModel:
     """Return the look by a vectorial field, as a sum of two scalar ones."""
-    plain = flat(case)
+    plain = flat(as_tried(case))
     scope = plain.microscope
     inner = replace(scope, aperture=_INNER * scope.aperture)
     weight = inner_weight(scope.aperture / scope.medium_index)
