@@ -132,7 +132,7 @@ def irradiances(
     ValueError
         If the aperture is not in (0, n) or no focus is given.
     """
-    lamp = replace(microscope, aperture=lamp_aperture)
+    lamp = replace(microscope, aperture=lamp_aperture, wavefront=(), halo=None)
     frame = window or full(microscope)
     found = []
     for z_um in sorted(set(heights_um)):

@@ -17,7 +17,7 @@ from microplan.planner.looks.model_errors.halo_ends import HALO
 from microplan.planner.looks.model_errors.image_pairs import image_pairs
 from microplan.planner.looks.model_errors.model_cost import effect_difference
 from microplan.planner.looks.model_errors.used_poses import LEAST, SPARE, used_poses
-from microplan.planner.looks.model_errors.wavefront_ends import UNKNOWN, WAVEFRONT
+from microplan.planner.looks.model_errors.wavefront_ends import UNKNOWN
 from microplan.planner.task.workcell import Optics
 
 _UNIFORM = math.sqrt(3.0)  # half-widths of an interval a standard deviation
@@ -28,9 +28,8 @@ def lens_trueness_um(
 ) -> float | None:
     """Return how far the lens moves answers, the worse axis, one standard deviation.
 
-    By pairs of images with and without what the workcell states and leaves open of
-    wavefront and halo, as plans are charged. Answers keep what is stated: it is in
-    this, not taken off.
+    By pairs of images with and without what the workcell leaves open of wavefront and
+    halo, as plans are charged.
 
     Parameters
     ----------
@@ -48,8 +47,8 @@ def lens_trueness_um(
     float or None
         um; None where too few of the images with it are answered.
     """
-    effects = (WAVEFRONT, UNKNOWN, HALO)
-    every = better_models(case, effects, (), lens.wavefront, lens.halo)
+    effects = (UNKNOWN, HALO) if lens.halo is None else (UNKNOWN,)
+    every = better_models(case, effects, (), lens.wavefront)
     models = tuple(model for model in every if _changes(model))
     poses = used_poses(case, None, count=LEAST + SPARE, root_seed=root_seed)
     answers = image_pairs(case, prepared, models, poses)
@@ -59,18 +58,12 @@ def lens_trueness_um(
         found = effect_difference(model, own)
         if isinstance(found, str):
             return None
-        squares += _square_um2(found.place, is_known=len(model.ends) == 1)
+        squares += _square_um2(found.place)
     return math.sqrt(squares)
 
 
-def _square_um2(moved: AnswerShift, *, is_known: bool) -> float:
-    """Return the mean square of what a lens moves answers by, the worse axis, um^2.
-
-    What is known moves them in the camera's axes: where targets lie at any angle its
-    mean along theirs is nothing, and all of it is in the scatter.
-    """
-    if is_known:
-        return float((moved.mean**2 + moved.sigma**2).max())
+def _square_um2(moved: AnswerShift) -> float:
+    """Return the mean square of what a lens moves answers by, the worse axis, um^2."""
     most_um = float((np.abs(moved.mean) + moved.half_width).max())
     return (most_um / _UNIFORM) ** 2
 

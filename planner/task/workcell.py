@@ -59,6 +59,11 @@ class WavefrontSpec:
     terms: tuple[ZernikeTerm, ...] | None = None  # None: not stated
     rms_waves: float | None = None  # most of all terms together; None: not stated
 
+    @property
+    def known(self) -> tuple[tuple[int, float], ...]:
+        """Return what is stated: Noll's index and waves rms of each term, not 0."""
+        return tuple((term.noll, term.waves) for term in self.terms or () if term.waves)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HaloSpec:
@@ -66,6 +71,11 @@ class HaloSpec:
 
     radius_um: float  # standard deviation of a Gaussian
     share: float
+
+    @property
+    def known(self) -> tuple[float, float] | None:
+        """Return radius and share, None where there is none."""
+        return (self.radius_um, self.share) if self.share > 0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,6 +58,8 @@ def microscope_at(cell: Workcell, magnification: float) -> Microscope:
         height_px=cell.camera.height_px,
         fill_factor=cell.camera.fill_factor,
         lamp_aperture=lamp_below(cell),
+        wavefront=cell.optics.wavefront.known,
+        halo=None if cell.optics.halo is None else cell.optics.halo.known,
     )
 
 

@@ -20,11 +20,9 @@ from microplan.planner.assembly.assembly import Body
 from microplan.planner.looks.model_errors.halo_ends import HALO, halo_ends
 from microplan.planner.looks.model_errors.wavefront_ends import (
     UNKNOWN,
-    WAVEFRONT,
-    known_wavefront,
     unknown_wavefronts,
 )
-from microplan.planner.task.workcell import HaloSpec, WavefrontSpec
+from microplan.planner.task.workcell import WavefrontSpec
 from microplan.planner.views.light.unknown_walls import by_layer
 
 LAYERS, SHADE = "layers of different height", "shade of higher bodies"
@@ -70,7 +68,6 @@ def better_models(
     effects: Collection[str],
     bodies: Sequence[Body],
     wavefront: WavefrontSpec,
-    halo: HaloSpec | None = None,
 ) -> tuple[BetterModel, ...]:
     """Return the better models of effects; those that have none are in none of them.
 
@@ -82,8 +79,8 @@ def better_models(
         Rows of its ledger that are above their limits.
     bodies : sequence of Body
         All that is in the world, with what is known of walls and faces.
-    wavefront, halo : WavefrontSpec, HaloSpec or None
-        What is known of the objective.
+    wavefront : WavefrontSpec
+        What is known of the objective; trials have the terms that are stated.
     """
     rows: tuple[tuple[tuple[str, ...], Callable[[], BetterModel | None]], ...] = (
         ((LAYERS, SHADE), lambda: _traced(case, effects)),
@@ -92,9 +89,8 @@ def better_models(
         ((SPECTRUM,), lambda: _coloured(case)),
         ((WALLS,), lambda: _walls(case, bodies)),
         ((FINISH,), lambda: _finish(case, bodies)),
-        ((WAVEFRONT,), lambda: _aberrated(case, wavefront)),
         ((UNKNOWN,), lambda: _unstated(case, wavefront)),
-        ((HALO,), lambda: _with_halo(case, halo)),
+        ((HALO,), lambda: _with_halo(case)),
     )
     wanted = (make() for names, make in rows if any(n in effects for n in names))
     return tuple(found for found in wanted if found is not None)
@@ -185,17 +181,6 @@ def _coloured(case: LookCase) -> BetterModel:
     )
 
 
-def _aberrated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
-    """Return the look through the lens as it is stated."""
-    plain = _blended(case)
-    return BetterModel(
-        effects=(WAVEFRONT,),
-        by="a pupil with the terms stated",
-        ends=(_through(plain, known_wavefront(stated)),),
-        against=plain,
-    )
-
-
 def _unstated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
     """Return the look with each term of coma and trefoil that may be there."""
     plain = _blended(case)
@@ -203,20 +188,20 @@ def _unstated(case: LookCase, stated: WavefrontSpec) -> BetterModel:
         effects=(UNKNOWN,),
         by="a pupil with coma along x and y, and with trefoil",
         ends=tuple(_through(plain, each) for each in unknown_wavefronts(stated)),
-        against=_seen_by(plain, wavefront=known_wavefront(stated)),
+        against=plain,
         is_either_way=True,
     )
 
 
-def _with_halo(case: LookCase, stated: HaloSpec | None) -> BetterModel:
-    """Return the look with the halo that is stated, or without one and with most."""
+def _with_halo(case: LookCase) -> BetterModel:
+    """Return the look without a halo and with most of what one may be."""
     plain = _blended(case)
     return BetterModel(
         effects=(HALO,),
         by="a Gaussian halo",
         ends=tuple(
             ImageModel(cases=((1.0, _seen_by(plain, halo=halo)),))
-            for halo in halo_ends(stated, plain.microscope)
+            for halo in halo_ends(plain.microscope)
         ),
         against=plain,
     )

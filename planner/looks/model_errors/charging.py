@@ -48,8 +48,8 @@ def charged(
     if tried.comparison.selection.chosen is None or not effects:
         return tried, ChargedChains()
     standing = tuple(bodies(problem.task, problem.request.state))
-    lens = problem.task.workcell.optics
-    models = better_models(tried.case, effects, standing, lens.wavefront, lens.halo)
+    wavefront = problem.task.workcell.optics.wavefront
+    models = better_models(tried.case, effects, standing, wavefront)
     known = {name for model in models for name in model.effects}
     lacking = [name for name in effects if name not in known]
     if lacking:

@@ -49,7 +49,10 @@ def effect_rows(
 
 def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
     """Return the nominal image of a look, and how it is computed."""
-    case, limit = tried.case, tried.fidelity.limit
+    limit = tried.fidelity.limit
+    # rows of their own have what a wavefront error and a halo leave
+    perfect = replace(tried.case.microscope, wavefront=(), halo=None)
+    case = replace(tried.case, microscope=perfect)
     shown = lens_scene(
         scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
     )

@@ -15,6 +15,7 @@ from scipy import special
 from microplan.optics.ledger import CONTRAST
 from microplan.optics.transfer.microscope import Terms
 from microplan.optics.transfer.zernike import turns_of
+from microplan.planner.looks.model_errors.halo_ends import IMAGED, LACKING
 from microplan.planner.task.workcell import WavefrontSpec
 from microplan.schemas.plan import EffectRow
 
@@ -27,17 +28,12 @@ MOVING = (8, 7, 10, 9)  # Noll's indices: coma along x and y, trefoil
 _HALF = 1.96  # standard deviations of a two-sided 95 % half-width
 
 
-def known_wavefront(stated: WavefrontSpec) -> Terms:
-    """Return the wavefront that is stated, empty if none is."""
-    return tuple((term.noll, term.waves) for term in stated.terms or () if term.waves)
-
-
 def unknown_wavefronts(stated: WavefrontSpec) -> tuple[Terms, ...]:
     """Return wavefronts with each of the terms that move by which they may be wrong.
 
     Each about what is known, at one end of its interval; none where all is known.
     """
-    known = dict(known_wavefront(stated))
+    known = dict(stated.known)
     return tuple(
         tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
         for noll, half in unknown_waves(stated).items()
@@ -74,22 +70,22 @@ def wavefront_rows(stated: WavefrontSpec, limit: float) -> tuple[EffectRow, Effe
 
     Before they are charged.
     """
-    known = known_wavefront(stated)
+    known = stated.known
     half = max(unknown_waves(stated).values(), default=0.0)
     terms = ", ".join(f"{waves:g} of Noll {noll}" for noll, waves in known)
     words = f"{_total(stated)}coma and trefoil of up to {half:.2g} waves rms each"
     return (
-        _row(WAVEFRONT, limit, f"stated, waves rms: {terms}" if known else ""),
-        _row(UNKNOWN, limit, words if half else ""),
+        _row(WAVEFRONT, IMAGED, limit, f"stated, waves rms: {terms}" if known else ""),
+        _row(UNKNOWN, LACKING, limit, words if half else ""),
     )
 
 
-def _row(effect: str, limit: float, reason: str) -> EffectRow:
+def _row(effect: str, level: str, limit: float, reason: str) -> EffectRow:
     """Return a row that is off where there is no reason for it."""
     return EffectRow(
         effect=effect,
-        level="not modelled" if reason else "off",
-        predicted_error=None if reason else 0.0,
+        level=level if reason else "off",
+        predicted_error=None if reason and level == LACKING else 0.0,
         limit=limit,
         unit=CONTRAST,
         reason=reason or "none is stated",

@@ -223,6 +223,25 @@ def test_one_circle_is_blind_to_theta_and_in_focus_to_z(look: Look) -> None:
     assert limits(case, LookSetting(dz_um=0.3))["z"] < BLIND
 
 
+@pytest.mark.parametrize(
+    ("noll", "is_told"), [(5, True), (6, True), (8, False), (11, True)]
+)
+def test_a_lens_that_is_not_round_in_depth_tells_the_side_of_focus(
+    look: Look, noll: int, is_told: bool
+) -> None:
+    """Through astigmatism and spherical aberration both sides look different.
+
+    Coma moves all edges of a disc as much on both, to first order.
+    """
+    case = small(look)
+    scope = replace(case.microscope, wavefront=((noll, 0.05),))
+    told = limits(replace(case, microscope=scope), names=("x", "y", "z", "gain"))
+    assert limits(case, names=("x", "y", "z", "gain"))["z"] == BLIND
+    assert (told["z"] < BLIND) == is_told
+    if is_told:
+        assert told["z"] < case.microscope.wave_depth_um
+
+
 @pytest.mark.parametrize("turn_rad", [0.0, 0.4])
 def test_one_straight_edge_is_blind_along_itself(look: Look, turn_rad: float) -> None:
     found = limits(edge(look, turn_rad), names=("x", "y", "theta"))

@@ -30,7 +30,7 @@ LIMIT = 0.002
 
 
 def test_what_is_not_stated_lies_between_none_and_most() -> None:
-    none, most = halo_ends(None, microscope(6.9))
+    none, most = halo_ends(microscope(6.9))
     assert none is None
     assert most is not None
     assert most[1] == MOST_SHARE
@@ -39,10 +39,12 @@ def test_what_is_not_stated_lies_between_none_and_most() -> None:
     assert "state `halo`" in row.reason
 
 
-def test_what_is_stated_is_the_only_end() -> None:
+def test_what_is_stated_is_in_the_images() -> None:
     stated = HaloSpec(radius_um=2.5, share=0.06)
-    assert halo_ends(stated, microscope(6.9)) == ((2.5, 0.06),)
-    assert halo_row(stated, LIMIT).predicted_error is None
+    assert stated.known == (2.5, 0.06)
+    row = halo_row(stated, LIMIT)
+    assert (row.level, row.predicted_error) == ("imaged", 0.0)
+    assert "0.06" in row.reason
 
 
 def test_none_stated_costs_nothing() -> None:

@@ -11,7 +11,6 @@ from microplan.planner.looks.model_errors.wavefront_ends import (
     SHARED,
     UNKNOWN,
     WAVEFRONT,
-    known_wavefront,
     total_share,
     unknown_wavefronts,
     wavefront_rows,
@@ -43,7 +42,7 @@ def test_a_diffraction_limited_lens_has_strehl_s_four_fifths() -> None:
 
 def test_nothing_stated_is_a_diffraction_limited_lens() -> None:
     plain, same = WavefrontSpec(), WavefrontSpec(rms_waves=LIMITED)
-    assert known_wavefront(plain) == ()
+    assert plain.known == ()
     assert unknown_wavefronts(plain) == unknown_wavefronts(same)
     assert unknown_wavefronts(plain) == tuple(
         ((noll, total_share() * LIMITED),) for noll in MOVING
@@ -61,7 +60,7 @@ def test_a_total_is_shared_in_proportion_and_none_is_none() -> None:
 
 def test_stated_terms_are_known_but_for_their_sigma() -> None:
     stated = terms((7, -0.02, 0.0), (8, 0.03, 0.01), (11, 0.04, 0.02))
-    assert known_wavefront(stated) == ((7, -0.02), (8, 0.03), (11, 0.04))
+    assert stated.known == ((7, -0.02), (8, 0.03), (11, 0.04))
     (end,) = unknown_wavefronts(stated)  # spherical aberration moves nothing
     assert dict(end) == {7: -0.02, 8: pytest.approx(0.03 + 1.96 * 0.01), 11: 0.04}
     assert unknown_wavefronts(terms((8, 0.03, 0.0))) == ()
@@ -92,6 +91,7 @@ def test_rows_are_open_as_far_as_there_is_anything(
 ) -> None:
     rows = wavefront_rows(stated, LIMIT)
     assert [row.effect for row in rows] == [WAVEFRONT, UNKNOWN]
-    assert [row.predicted_error is None for row in rows] == [known, unknown]
-    assert [row.level == "off" for row in rows] == [not known, not unknown]
+    assert [row.predicted_error is None for row in rows] == [False, unknown]
+    levels = ["imaged" if known else "off", "not modelled" if unknown else "off"]
+    assert [row.level for row in rows] == levels
     assert words in " ".join(row.reason for row in rows)
