@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray, IntArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.compiled import compiled
 from microplan.optics.layers.solids.straight_rays import ThickBody
 from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, DistanceGrid
@@ -252,7 +252,7 @@ def fly(  # noqa: C901 - one loop: see below
     ends : (N,) int array, out
         Body on whose top each ends, their number for the floor, `LOST`.
     """
-    off = np.empty(bodies.shape[0])
+    off, old = np.empty(bodies.shape[0]), np.empty(bodies.shape[0], dtype=np.bool_)
     for n in range(ends.size):
         # one loop over numbers: what is handed to functions or kept in arrays leaves
         # the registers, and takes nearly twice as long
@@ -260,21 +260,27 @@ def fly(  # noqa: C901 - one loop: see below
         across, up, weight = flight[n, 3], flight[n, 4], flight[n, 6]
         count, end, wall = bounces[n], LOST, walls[n]
         if wall >= 0:
-            x, y, across, up, into = _mirrored(grids, bodies, wall, (x, y, across, up))
+            nx, ny = _normal(grids, bodies, wall, x, y)
+            d = _distance(grids, bodies, wall, x, y)
+            x, y, across, up, into = _mirrored((x, y, across, up), d, (nx, ny))
             if into < 0:
                 count, weight = count + 1, weight * bodies[wall, _REFLECTS]
-        for k in range(off.size):
-            off[k] = _distance(grids, bodies, k, x, y)
+        off[:], old[:] = -np.inf, True
         for _ in range(_STEPS):
             if count > _BOUNCES or weight <= _FAINT:
                 break
-            before, away = z, _away(bodies, floor_um, off, z, slope)
+            ray = x, y, z, slope
+            before, away = z, _away(grids, bodies, floor_um, ray, off, old)
             x, y, z = x + away * across, y + away * up, z - away / slope
             for k in range(off.size):
                 top, under = bodies[k, _TOP], bodies[k, _UNDER]
                 if before < under:
                     continue
+                off[k], old[k] = off[k] - away, True  # at least
+                if off[k] >= _TOUCH_UM + _SURE_UM:
+                    continue
                 d = off[k] = _distance(grids, bodies, k, x, y)
+                old[k] = False
                 passed = before > top and z <= top + _PASSED_UM
                 if passed and d < 0:
                     end = k
@@ -287,7 +293,7 @@ def fly(  # noqa: C901 - one loop: see below
                 if bodies[k, _REFLECTS] == 0:
                     weight = 0.0
                     break
-                x, y, across, up, into = _mirrored(grids, bodies, k, (x, y, across, up))
+                x, y, across, up, into = _mirrored((x, y, across, up), d, (nx, ny))
                 if into < 0:
                     count, weight = count + 1, weight * bodies[k, _REFLECTS]
                 off[k] = _TOUCH_UM
@@ -302,34 +308,45 @@ def fly(  # noqa: C901 - one loop: see below
 
 @compiled
 def _away(
-    bodies: FloatArray, floor_um: float, off: FloatArray, z_um: float, slope: float
+    grids: Float32Array,
+    bodies: FloatArray,
+    floor_um: float,
+    ray: tuple[float, float, float, float],
+    off: FloatArray,
+    old: BoolArray,
 ) -> float:
-    """Return how far a ray meets nothing, or a little, sideways um."""
-    away = (z_um - floor_um) * slope
-    for k in range(off.size):
-        if z_um < bodies[k, _UNDER]:
-            continue
-        clear, above = off[k], (z_um - bodies[k, _TOP]) * slope
-        if above > 0:
-            clear = max(above, min(clear, bodies[k, _FAR]))
-        away = min(away, max(clear, _LEAST_UM))
-    return float(away)
+    """Return how far a ray meets nothing, or a little, sideways um.
+
+    Distances that are `old` are the least possible, and looked up if they matter.
+    """
+    x, y, z_um, slope = ray
+    while True:
+        away, nearest = (z_um - floor_um) * slope, -1
+        for k in range(off.size):
+            if z_um < bodies[k, _UNDER]:
+                continue
+            clear, above = off[k], (z_um - bodies[k, _TOP]) * slope
+            if above > 0:
+                clear = max(above, min(clear, bodies[k, _FAR]))
+            clear = max(clear, _LEAST_UM)
+            if clear < away:
+                away, nearest = clear, k
+        if nearest < 0 or not old[nearest]:
+            return float(away)
+        off[nearest], old[nearest] = _distance(grids, bodies, nearest, x, y), False
 
 
 @compiled
 def _mirrored(
-    grids: Float32Array,
-    bodies: FloatArray,
-    k: int,
-    ray: tuple[float, float, float, float],
+    ray: tuple[float, float, float, float], off_um: float, normal: tuple[float, float]
 ) -> tuple[float, float, float, float, float]:
-    """Return place and way of a ray after a body's wall, and how it came in.
+    """Return place and way of a ray after a wall so far off, and how it came in.
 
     0: it leaves the wall anyway.
     """
     x, y, across, up = ray
-    nx, ny = _normal(grids, bodies, k, x, y)
+    nx, ny = normal
     into = min(across * nx + up * ny, 0.0)
-    back = _TOUCH_UM - _distance(grids, bodies, k, x, y)  # onto its outside
+    back = _TOUCH_UM - off_um  # onto its outside
     x, y = x + back * nx, y + back * ny
     return x, y, across - 2 * into * nx, up - 2 * into * ny, into
