@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from microplan.arrays import Float32Array
+from microplan.arrays import Float32Array, IntArray
 from microplan.optics.layers.lattice import Area, Lattice
 from microplan.optics.layers.rays import slopes
 from microplan.optics.layers.solids.straight_rays import Rays, ThickBody, rays_of
@@ -30,6 +30,7 @@ _LEAST = 3  # root of how many rays of a point are left at least
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
+_CLOSE_UM = 1.0  # more than distances of two points err by together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,8 +69,12 @@ class SentLight:
         if self.table is None:
             shape = np.broadcast(x, y).shape
             return np.full(shape, self.reflectance, dtype=np.float32)
-        dull = np.float32(self.reflectance * (1 - self.finish))
-        return dull * self.table.at(x, y)
+        return np.float32(self.dull) * self.table.at(x, y)
+
+    @property
+    def dull(self) -> float:
+        """Return the reflectance of what scatters."""
+        return self.reflectance * (1 - self.finish)
 
     @property
     def mirrors(self) -> float:
@@ -182,12 +187,31 @@ def _scattered(count: int) -> Float32Array:
 
 def rays_outside(bodies: Sequence[ThickBody], rays: Rays) -> Rays:
     """Return rays through the nearest points outside bodies."""
-    x, y = rays.x_um, rays.y_um
+    some, moved = rays_moved(bodies, rays)
+    if not some.size:
+        return rays
+    x, y = rays.x_um.copy(), rays.y_um.copy()
+    x[some], y[some] = moved.x_um, moved.y_um
+    return replace(rays, x_um=x, y_um=y)
+
+
+def rays_moved(bodies: Sequence[ThickBody], rays: Rays) -> tuple[IntArray, Rays]:
+    """Return which points' rays may start in bodies, and through the nearest outside.
+
+    (K,) of the points, and the rays of these.
+    """
+    x, y = rays.x_um[:, :1], rays.y_um[:, :1]
+    close_um = rays.apart_um[:, None] + np.float32(_OUT_UM + _CLOSE_UM)
+    near = np.zeros(x.shape, dtype=np.bool_)
+    for body in bodies:
+        near |= body.distance.at(x, y) < close_um
+    some = np.flatnonzero(near)
+    x, y = rays.x_um[some], rays.y_um[some]
     for body in bodies:
         inward = np.minimum(body.distance.at(x, y) - np.float32(_OUT_UM), 0)
         nx, ny = body.distance.normal(x, y)
         x, y = x - inward * nx, y - inward * ny
-    return replace(rays, x_um=x, y_um=y)
+    return some, replace(rays, x_um=x, y_um=y)
 
 
 def _under_um(layer: Layer) -> float:

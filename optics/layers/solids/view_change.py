@@ -18,21 +18,18 @@ from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.joint.joint_occlusion import JointResidual
 from microplan.optics.layers.lattice import Lattice
 from microplan.optics.layers.solids.mirrored_rays import first_met, mirrored, raised
+from microplan.optics.layers.solids.sight import Sight
 from microplan.optics.layers.solids.solid_bodies import (
     SentLight,
     SolidFace,
     bands,
     mirrored_rays,
     rays_from,
+    rays_moved,
     rays_outside,
     straight_rays,
 )
-from microplan.optics.layers.solids.straight_rays import (
-    Rays,
-    ThickBody,
-    covers,
-    hides,
-)
+from microplan.optics.layers.solids.straight_rays import Rays, ThickBody
 from microplan.optics.layers.solids.unfolded_bodies import free_of, unfolded
 from microplan.optics.transfer.microscope import Microscope
 
@@ -83,13 +80,17 @@ def _solid_and_flat(
     soft: float,
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return the fields that rays see, (points,) each: of solid bodies, of faces."""
+    sight = Sight(rays=rays, soft=soft)
     solid, flat = (
-        _straight(faces, plane, plane_um, rays, soft, walls=walls)
-        for walls in (True, False)
+        _straight(faces, plane, plane_um, sight, walls=walls) for walls in (True, False)
     )
-    if through := [face.body for face in faces if is_cut(face.body)]:
-        beside = rays_outside(through, rays)
-        solid[:-1] = _straight(faces, plane, plane_um, beside, soft, walls=True)[:-1]
+    through = [face.body for face in faces if is_cut(face.body)]
+    moved, beside = rays_moved(through, rays)
+    if moved.size:
+        sight = Sight(rays=beside, soft=soft)
+        outside = _straight(faces, plane, plane_um, sight, walls=True)
+        for field, own in zip(solid[:-1], outside[:-1], strict=True):
+            field[moved] = own
     return solid, flat
 
 
@@ -155,15 +156,17 @@ def _mirrored_above(
     for face in faces:
         if not face.body.is_sharp and face.body.top_um > 0:
             above += raised(bodies, face.body, face.sends.mirrors, rays, met)
-    if cut := [body for body in bodies if is_cut(body)]:
-        rays = rays_outside(cut, rays)
-        met = first_met(bodies, low_um, rays)
     # for a reflectance of 1
     mirrors = [face.sends.finish if face.sends.mirrors > 0 else 0.0 for face in near]
     sharp = [
         raised(bodies, face.body, each, rays, met)
         for face, each in zip(near, mirrors, strict=True)
     ]
+    moved, beside = rays_moved([body for body in bodies if is_cut(body)], rays)
+    if moved.size and any(mirrors):
+        met = first_met(bodies, low_um, beside)
+        for field, face, each in zip(sharp, near, mirrors, strict=True):
+            field[moved] = raised(bodies, face.body, each, beside, met)
     return [above, *sharp]
 
 
@@ -217,8 +220,7 @@ def _straight(
     faces: Sequence[SolidFace],
     plane: SentLight | None,
     plane_um: float,
-    rays: Rays,
-    soft: float,
+    sight: Sight,
     *,
     walls: bool,
 ) -> list[FloatArray]:
@@ -226,21 +228,22 @@ def _straight(
     bodies = [face.body for face in faces]
     sharp = [body for body in bodies if body.is_sharp]
     split_um = sharp[0].top_um if sharp else -math.inf
-    below, above = np.zeros((2, rays.x_um.size))
+    below, above = np.zeros((2, sight.rays.x_um.size))
     between = []
     lowest = [body for body in bodies if body.top_um <= plane_um + _ROUNDING_UM]
 
     @cache
     def free_at(z_um: float) -> Float32Array:
         higher = [body for body in bodies if body.top_um > z_um]
-        return _free(higher, z_um, rays, soft, walls=walls)
+        return _free(higher, z_um, sight, walls=walls)
 
     @cache
     def mirrored_at(z_um: float) -> Float32Array:
-        return free_of(unfolded(bodies, z_um), rays, soft, walls=walls)
+        images = unfolded(bodies, z_um)
+        return free_of(images, sight.rays, sight.soft, walls=walls)
 
     def sent_at(z_um: float, sends: SentLight) -> Float32Array:
-        found = sends(*rays.at(z_um))
+        found = sight.sent(sends, z_um)
         if sends.mirrors > 0:
             found = found + np.float32(sends.mirrors) * mirrored_at(z_um)
         return found
@@ -248,8 +251,8 @@ def _straight(
     if plane is not None and plane.reflectance > 0:
         free = free_at(max([plane_um, *(body.top_um for body in lowest)]))
         for body in lowest:
-            free = free * (1 - covers(body, rays, soft))
-        sent = free * plane(*rays.at(plane_um))
+            free = free * (1 - sight.covers(body))
+        sent = free * sight.sent(plane, plane_um)
         below += sent.mean(axis=1, dtype=np.float64)
     for face in faces:
         z_um = face.body.top_um
@@ -259,29 +262,25 @@ def _straight(
             sent = free * sent_at(z_um, unit)
             between.append(sent.mean(axis=1, dtype=np.float64))
         elif face.sends.reflectance > 0:
-            sent = free * covers(face.body, rays, soft) * sent_at(z_um, face.sends)
+            sent = free * sight.covers(face.body) * sent_at(z_um, face.sends)
             field = below if z_um < split_um else above
             field += sent.mean(axis=1, dtype=np.float64)
     return [below, *between, above]
 
 
 def _free(
-    bodies: Sequence[ThickBody],
-    z_um: float,
-    rays: Rays,
-    soft: float,
-    *,
-    walls: bool,
+    bodies: Sequence[ThickBody], z_um: float, sight: Sight, *, walls: bool
 ) -> Float32Array:
     """Return what bodies leave of each ray on its way to a height.
 
     Tops near focus are left out: they hide the same of all rays.
     """
-    found = np.ones((rays.x_um.size, rays.across.size), dtype=np.float32)
+    shape = sight.rays.x_um.shape[0], sight.rays.across.shape[1]
+    found = np.ones(shape, dtype=np.float32)
     for body in bodies:
         low_um = max(body.under_um, z_um)
         if walls and low_um < body.top_um:
-            found *= 1 - hides(body, rays, soft, from_um=body.top_um, to_um=low_um)
+            found *= 1 - sight.hides(body, low_um)
         elif not body.is_sharp:
-            found *= 1 - covers(body, rays, soft)
+            found *= 1 - sight.covers(body)
     return found
