@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 from scipy import fft
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import distance_transform_edt
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.cell_areas import cells
@@ -185,6 +186,23 @@ def _slopes(points: int) -> FloatArray:
     slopes = np.concatenate([spline.c[2], spline(points - 1, 1)[None]])
     slopes.setflags(write=False)
     return slopes
+
+
+def continued(values: FloatArray) -> FloatArray:
+    """Return values of a lattice, (rows, columns), where some are nan: as the nearest.
+
+    0 if all are.
+    """
+    missing = np.isnan(values)
+    if not missing.any():
+        return values
+    if missing.all():
+        return np.zeros(values.shape)
+    nearest = distance_transform_edt(
+        missing, return_distances=False, return_indices=True
+    )
+    found: FloatArray = values[tuple(nearest)]
+    return found
 
 
 def blur(

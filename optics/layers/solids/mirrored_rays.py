@@ -57,6 +57,10 @@ class FirstMet:
         reached: BoolArray = self.z_um <= np.float32(z_um + _ROUNDING_UM)
         return reached
 
+    def some(self, points: IntArray) -> FirstMet:
+        """Return where the rays of some points do, (K,) numbers."""
+        return FirstMet(z_um=self.z_um[points], walls=self.walls[points])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Flight:

@@ -190,9 +190,7 @@ def rays_outside(bodies: Sequence[ThickBody], rays: Rays) -> Rays:
     some, moved = rays_moved(bodies, rays)
     if not some.size:
         return rays
-    x, y = rays.x_um.copy(), rays.y_um.copy()
-    x[some], y[some] = moved.x_um, moved.y_um
-    return replace(rays, x_um=x, y_um=y)
+    return rays.with_some(some, moved)
 
 
 def rays_moved(bodies: Sequence[ThickBody], rays: Rays) -> tuple[IntArray, Rays]:
@@ -206,7 +204,8 @@ def rays_moved(bodies: Sequence[ThickBody], rays: Rays) -> tuple[IntArray, Rays]
     for body in bodies:
         near |= body.distance.at(x, y) < close_um
     some = np.flatnonzero(near)
-    x, y = rays.x_um[some], rays.y_um[some]
+    rays = rays.some(some)
+    x, y = rays.x_um, rays.y_um
     for body in bodies:
         inward = np.minimum(body.distance.at(x, y) - np.float32(_OUT_UM), 0)
         nx, ny = body.distance.normal(x, y)

@@ -7,11 +7,11 @@ it is as wide as that, and hidden in part where an edge runs through it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import Float32Array, FloatArray, IntArray
 from microplan.optics.outline.distance_field import DistanceField
 
 _APART_UM = 6.0  # of points along a ray where its distance from a wall is looked up
@@ -40,6 +40,26 @@ class Rays:
     y_um: Float32Array
     across: Float32Array  # (1, slopes): sideways a um of height
     up: Float32Array
+
+    def some(self, points: IntArray) -> Rays:
+        """Return the rays of some points, (K,) numbers."""
+        return replace(self, x_um=self.x_um[points], y_um=self.y_um[points])
+
+    def with_some(self, points: IntArray, others: Rays) -> Rays:
+        """Return the rays with those of some points, (K,) numbers, replaced."""
+        x, y = self.x_um.copy(), self.y_um.copy()
+        x[points], y[points] = others.x_um, others.y_um
+        return replace(self, x_um=x, y_um=y)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (points, slopes)."""
+        return self.x_um.shape[0], self.across.shape[1]
+
+    @property
+    def first(self) -> tuple[Float32Array, Float32Array]:
+        """Return where the first ray of each point starts, (points,) um each."""
+        return self.x_um[:, 0], self.y_um[:, 0]
 
     @property
     def apart_um(self) -> Float32Array:

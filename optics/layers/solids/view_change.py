@@ -8,7 +8,7 @@ edges of what is near focus, which multiply it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.joint.joint_occlusion import JointResidual
-from microplan.optics.layers.lattice import Lattice
+from microplan.optics.layers.lattice import Lattice, continued
 from microplan.optics.layers.solids.mirrored_rays import first_met, mirrored, raised
 from microplan.optics.layers.solids.sight import Sight
 from microplan.optics.layers.solids.solid_bodies import (
@@ -34,6 +34,9 @@ from microplan.optics.layers.solids.unfolded_bodies import free_of, unfolded
 from microplan.optics.transfer.microscope import Microscope
 
 _ROUNDING_UM = 1e-6  # heights this close are one
+# What layers near focus hide, or show, of a field is left out of trials from so many
+# points off their edges: a spline feels 2 - sqrt(3) of a value less a point.
+_BEYOND = 4
 
 
 def solid_view(
@@ -114,12 +117,12 @@ def mirrored_view(
     as the plane in focus is in focus in a vertical mirror, too: points are closer than
     for what is lost at walls. With it comes what sharp mirror faces send up to walls.
     """
-    count = mirrored_rays(lattice, finer)
+    count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
     parts = [
-        _mirrored_above(faces, plane, plane_um, _cell_rays(band, microscope, count))
-        for band in bands(lattice, count)
+        _mirrored_above(faces, plane, plane_um, rays, margin_um)
+        for rays in _cell_rays(lattice, microscope, count)
     ]
-    above, *sharp = (field / count for field in _joined(parts, lattice))
+    above, *sharp = (continued(f) / count for f in _joined(parts, lattice))
     below = np.zeros(lattice.shape)
     return JointResidual(above=above, sharp=tuple(sharp), below=below)
 
@@ -134,16 +137,29 @@ def _joined(
     ]
 
 
-def _cell_rays(lattice: Lattice, microscope: Microscope, count: int) -> Rays:
-    """Return so many rays of each point of a lattice, all over its cell."""
-    rays, _ = rays_from(lattice, microscope, count, all_over=True)
-    return rays
+def _cell_rays(lattice: Lattice, microscope: Microscope, count: int) -> Iterator[Rays]:
+    """Yield so many rays of each point of a lattice, all over its cell, by bands."""
+    for band in bands(lattice, count):
+        rays, _ = rays_from(band, microscope, count, all_over=True)
+        yield rays
+
+
+def _margin_um(lattice: Lattice, finer: float) -> float:
+    """Return how far beyond where they are seen fields are found."""
+    return math.inf if finer >= 1 else _BEYOND * lattice.step_um
 
 
 def _mirrored_above(
-    faces: Sequence[SolidFace], plane: SentLight | None, plane_um: float, rays: Rays
+    faces: Sequence[SolidFace],
+    plane: SentLight | None,
+    plane_um: float,
+    rays: Rays,
+    margin_um: float,
 ) -> list[FloatArray]:
-    """Return sums of rays, (points,): above the plane in focus, and of sharp faces."""
+    """Return sums of rays, (points,): above the plane in focus, and of sharp faces.
+
+    The latter are nan farther from the face than a margin.
+    """
     bodies = [face.body for face in faces]
     low_um = min([0.0, *(body.top_um for body in bodies if body.is_sharp)])
     above = np.zeros(rays.x_um.shape[0])
@@ -158,15 +174,20 @@ def _mirrored_above(
             above += raised(bodies, face.body, face.sends.mirrors, rays, met)
     # for a reflectance of 1
     mirrors = [face.sends.finish if face.sends.mirrors > 0 else 0.0 for face in near]
-    sharp = [
-        raised(bodies, face.body, each, rays, met)
-        for face, each in zip(near, mirrors, strict=True)
-    ]
+    if not any(mirrors):
+        return [above, *(np.zeros_like(above) for _ in near)]
     moved, beside = rays_moved([body for body in bodies if is_cut(body)], rays)
-    if moved.size and any(mirrors):
-        met = first_met(bodies, low_um, beside)
-        for field, face, each in zip(sharp, near, mirrors, strict=True):
-            field[moved] = raised(bodies, face.body, each, beside, met)
+    if moved.size:
+        again = first_met(bodies, low_um, beside)
+        met.z_um[moved], met.walls[moved] = again.z_um, again.walls
+        rays = rays.with_some(moved, beside)
+    sharp = []
+    for face, each in zip(near, mirrors, strict=True):
+        seen = np.flatnonzero(face.body.distance.at(*rays.first) < margin_um)
+        field = np.full_like(above, np.nan)
+        own = rays.some(seen), met.some(seen)
+        field[seen] = raised(bodies, face.body, each, *own)
+        sharp.append(field)
     return [above, *sharp]
 
 
@@ -185,13 +206,18 @@ def mirrored_below(
     as in `solid_view`: all that is seen is out of focus, and smooth as what is lost at
     walls.
     """
-    count = mirrored_rays(lattice, finer)
-    parts = [
-        [_mirrored_below(faces, plane, plane_um, _cell_rays(band, microscope, count))]
-        for band in bands(lattice, count)
-    ]
+    count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
+    sharp = [face.body for face in faces if face.body.is_sharp]
+    parts = []
+    for rays in _cell_rays(lattice, microscope, count):
+        free = np.ones(rays.shape[0], dtype=np.bool_)
+        for body in sharp:
+            free &= body.distance.at(*rays.first) > -margin_um
+        found, seen = np.full(free.shape, np.nan), np.flatnonzero(free)
+        found[seen] = _mirrored_below(faces, plane, plane_um, rays.some(seen))
+        parts.append([found])
     (found,) = _joined(parts, lattice)
-    return found / count
+    return continued(found) / count
 
 
 def _mirrored_below(

@@ -7,7 +7,7 @@ import pytest
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.layers.lattice import Lattice, blur, continued
 from microplan.optics.outline.cell_areas import CHORD_UM
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.models import transfer
@@ -28,6 +28,15 @@ def test_many_points_are_read_as_by_one_spline(step_um: float, count: int) -> No
     at = np.clip(first + step_um * np.arange(count), 0, 1499)
     spline = CubicSpline(np.arange(1500), values, axis=1)(at)
     np.testing.assert_allclose(found, spline, atol=1e-12)
+
+
+def test_values_that_are_missing_are_the_nearest_ones() -> None:
+    values = np.arange(12.0).reshape(3, 4)
+    values[:, 2:] = np.nan
+    found = continued(values)
+    np.testing.assert_array_equal(found[:, :2], values[:, :2])
+    np.testing.assert_array_equal(found[:, 2:], values[:, 1:2].repeat(2, axis=1))
+    np.testing.assert_array_equal(continued(np.full((2, 3), np.nan)), np.zeros((2, 3)))
 
 
 def test_places_beyond_many_points_are_refused() -> None:
