@@ -24,11 +24,20 @@ Area = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
 EvenPoints = tuple[float, float, int]  # the first, the step, how many
 
 MORE = 3  # points beyond all that is read: a spline is worse near its ends
+_FEW_MORE = 1  # the same of few rays, which err by more than a spline does there
 _ROUNDING = 1e-6  # of a step
 _EVEN = 16  # points: lattices that end anywhere within as many share cells
 # A point's weight in a cubic spline falls by 2 - sqrt(3) a step: below 1e-27 here.
 _FELT = 48
 _AT_ONCE = 1024  # points whose weights are one array
+
+
+def margin(finer: float) -> int:
+    """Return how many points there are beyond all that is read.
+
+    `finer`: as `microplan.optics.render.sampling.Sampling.rays`.
+    """
+    return MORE if finer >= 1 else _FEW_MORE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

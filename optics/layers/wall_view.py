@@ -12,7 +12,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import area_um
 from microplan.optics.layers.joint.joint_occlusion import JointResidual
-from microplan.optics.layers.lattice import Area, Lattice, blur
+from microplan.optics.layers.lattice import Area, Lattice, blur, margin
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.solid_bodies import (
     LightTable,
@@ -74,11 +74,11 @@ def wall_residual(
     if not is_solid([c.layer for c in covered]):
         return None
     m, finer, layers = view.microscope, view.rays, [c.layer for c in covered]
-    closer = view.walls or finer
+    closer, more = view.walls or finer, margin(finer)
     area = area_um(m, view.frame, view.shift_um, 0.0)
     side = max(area[2] - area[0], area[3] - area[1])
     walls_um, most = (_FINE_UM, _FINE_MOST) if is_fine else (_WALLS_UM, _WALLS_MOST)
-    lattice = Lattice.over(area, max(walls_um, side / most) / closer)
+    lattice = Lattice.over(area, max(walls_um, side / most) / closer, more=more)
     low_um = min(la.z_um if la.underside_um is None else la.underside_um
                  for la in layers)  # fmt: skip
     floor_um = low_um - 1 if (z := scene.background_z_um) is None else z
@@ -107,7 +107,9 @@ def wall_residual(
     image = _laid(view, change, lattice, sharp)
     if cut := [layer for layer, body in found if is_cut(body)]:
         image -= _cut(view, cut, sharp) * view.at_pixels(seen_below, lattice)
-    close = Lattice.over(area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / closer)
+    close = Lattice.over(
+        area, max(_MIRRORED_UM, side / _MIRRORED_MOST) / closer, more=more
+    )
     if far_um == 0 or all(body.wall_reflectance == 0 for _, body in found):
         return image
     wide = {

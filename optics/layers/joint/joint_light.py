@@ -45,7 +45,7 @@ class LightChange:
             self.change,
             (x, step, columns),
             (y, -step, rows),
-            beyond_um=(MORE + 2) * step + self.lattice.step_um,
+            beyond_um=(MORE + 2) * step + (MORE + 1) * self.lattice.step_um,
         )
 
 

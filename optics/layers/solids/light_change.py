@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance
 from microplan.optics.layers.joint.joint_light import LightChange, joint_light
-from microplan.optics.layers.lattice import Area, Lattice
+from microplan.optics.layers.lattice import Area, Lattice, margin
 from microplan.optics.layers.solids.mirrored_rays import RayEnd, first_met, mirrored
 from microplan.optics.layers.solids.solid_bodies import (
     MIRRORED,
@@ -83,7 +83,7 @@ def solid_light(
         return None
     side = max(area[2] - area[0], area[3] - area[1])
     step = max(_FINEST_UM, seen_um / _A_BLUR, side / _SIDE)
-    lattice = Lattice.over(area, step / finer)
+    lattice = Lattice.over(area, step / finer, more=margin(finer))
     change = _share(over, z_um, lattice, lamp, less_flat=True, finer=finer)
     return LightChange(lattice=lattice, change=change)
 
