@@ -209,6 +209,8 @@ def _meet_body(
             first[r], whose[r] = top, -1
             continue
         # a distance changes by the way at most
+        if d >= (z - low) * slope:
+            continue
         last = _between(grids, start, columns, ends, u + low * du, v + low * dv)
         if d + last >= (z - low) * slope:
             continue
@@ -223,6 +225,8 @@ def _meet_body(
                     whose[r] = k if z < top and body[_REFLECTS] > 0 else -1
                 break
             z, d = at, now
+            if now + last >= (z - low) * slope:
+                break
 
 
 @compiled

@@ -65,7 +65,7 @@ class Rays:
     def apart_um(self) -> Float32Array:
         """Return how far from a point's first ray others start at most, (points,)."""
         x, y = self.x_um - self.x_um[:, :1], self.y_um - self.y_um[:, :1]
-        found: Float32Array = np.hypot(x, y).max(axis=1)
+        found: Float32Array = np.sqrt((x * x + y * y).max(axis=1))
         return found
 
     def at(self, z_um: float) -> tuple[Float32Array, Float32Array]:
