@@ -180,7 +180,7 @@ def sampling_at(case: LookCase, focus_um: float, rays: float) -> Sampling:
         for layer in case.moving
     )
     walls = _CLOSE if is_within and rays < 1 else None  # else there are many rays
-    return replace(case.sampling, rays=rays, walls=walls)
+    return replace(case.sampling, rays=rays, walls=walls, planes=0 < rays < 1)
 
 
 def _surfaced(case: LookCase, trial: Trial) -> LookCase:

@@ -217,7 +217,7 @@ def _with_images(
     mirrors = {layer.z_um for layer in layers if layer.finish > 0}
     found = dict(faces)
     if sampling.rays < 1:  # bodies in mirrors are far out of focus as a rule
-        sampling = _ROUGH
+        sampling = replace(_ROUGH, planes=sampling.planes)
     for z_um in mirrors & found.keys():
         images = mirror_images(layers, z_um)
         share = free_of_images(

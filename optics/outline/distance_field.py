@@ -1,7 +1,6 @@
 """Signed distances from an outline on a grid in the outline's own frame, kept.
 
-Bodies that only move share their grid: an outline is turned and shifted until its first
-edge lies along x from the origin.
+Bodies that only move share their grid.
 """
 
 from __future__ import annotations
@@ -15,18 +14,17 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from microplan.arrays import BoolArray, Box, Float32Array, FloatArray, Point
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
 from microplan.optics.outline.cell_areas import cells
-from microplan.optics.outline.clip import EdgeArrays, to_edges
-from microplan.optics.outline.outline import Arc, Outline, place
+from microplan.optics.outline.clip import EdgeArrays
+from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.own_frame import OwnEdges, own_edges, own_frame
 
 STEP_UM = 0.5  # of the grid: a distance errs by half the diagonal, .35 um, at most
 BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more
-_ROUND = 5  # digits of um: what is moved back lies within 1e-9 um of itself
 _TILE = 48  # points
 _WHOLE = 1 << 20  # points of a grid that an outline has all over, wherever it is wanted
 _EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grids
-Key = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,46 +131,16 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     """
     if not outline.rings:
         return None
-    (c, s), (x0, y0), own = _own(outline)
+    (c, s), (x0, y0), own = own_frame(outline)
     half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
     dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
     u, v = c * dx + s * dy, c * dy - s * dx
-    box = _wanted(_edges(own), (u - half, v - half, u + half, v + half))
+    box = _wanted(own_edges(own), (u - half, v - half, u + half, v + half))
     if box is None:
         return None
     return DistanceField(
         turn=(c, s), origin_um=(x0, y0), corner_um=box[:2], grid=_kept(own, box)
     )
-
-
-@lru_cache(maxsize=64)
-def _own(outline: Outline) -> tuple[Point, Point, Key]:
-    """Return an outline's frame, as `DistanceField` has it, and its edges in it."""
-    first = outline.rings[0].edges[0]
-    (x0, y0), toward = first.start, first.end
-    if isinstance(first, Arc):
-        toward = first.at(0.25)
-    turn = math.atan2(toward[1] - y0, toward[0] - x0)
-    own = _key(place(place(outline, -x0, -y0), 0.0, 0.0, -turn))
-    return (math.cos(turn), math.sin(turn)), (x0, y0), own
-
-
-def _key(outline: Outline) -> Key:
-    """Return the edges, rounded: segments of four numbers, arcs of five."""
-    edges = to_edges(outline)
-    return tuple(
-        tuple(round(value, _ROUND) + 0.0 for value in row)
-        for row in (*edges.segments.tolist(), *edges.arcs.tolist())
-    )
-
-
-def _edges(key: Key) -> EdgeArrays:
-    """Return the rounded edges."""
-    lines, arcs = (
-        np.array([row for row in key if len(row) == count]).reshape(-1, count)
-        for count in (4, 5)
-    )
-    return EdgeArrays(segments=lines, arcs=arcs)
 
 
 def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
@@ -195,9 +163,9 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
 
 
 @lru_cache(maxsize=32)
-def _kept(key: Key, box: Box) -> DistanceGrid:
+def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
-    edges = _edges(key)
+    edges = own_edges(key)
     columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
     rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
     x: FloatArray = box[0] + STEP_UM * np.arange(columns, dtype=np.float64)

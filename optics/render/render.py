@@ -12,6 +12,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
 from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
+from microplan.optics.render.plane_reading import read_layer
 from microplan.optics.render.prepared_scene import prepare
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
@@ -148,6 +149,29 @@ def _covered(
     sampling: Sampling,
 ) -> Covered:
     """Return one layer blurred."""
+    coverage = None
+    if sampling.planes:
+        coverage = read_layer(
+            layer, microscope, focus_um=focus_um, model=model, window=frame,
+            shift_um=shift_um, sampling=sampling,
+        )  # fmt: skip
+    if coverage is None:
+        settings = (microscope, focus_um, model, frame, shift_um, sampling)
+        coverage = _transformed(layer, *settings)
+    coverage.setflags(write=False)
+    return Covered(layer=layer, coverage=coverage)
+
+
+def _transformed(
+    layer: Layer,
+    microscope: Microscope,
+    focus_um: float,
+    model: str,
+    frame: Window,
+    shift_um: tuple[float, float],
+    sampling: Sampling,
+) -> FloatArray:
+    """Return one layer's coverage by a transform of its own, (rows, columns)."""
     part = make_part(
         layer,
         to_edges(layer.outline),
@@ -163,8 +187,7 @@ def _covered(
     patch = None if part is None else part.patch(frame, view)
     if patch is not None:
         coverage[patch.rows, patch.columns] = patch.coverage
-    coverage.setflags(write=False)
-    return Covered(layer=layer, coverage=coverage)
+    return coverage
 
 
 def render_stack(

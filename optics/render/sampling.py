@@ -145,6 +145,9 @@ class Sampling:
     rays: float = 1.0
     # as `rays`, of the points alone from which walls are seen; None: as that says
     walls: float | None = None
+    # for the many images of a look: layers may be read from planes, which are made once
+    # for all poses, `microplan.optics.render.plane_reading`
+    planes: bool = False
 
     def __post_init__(self) -> None:
         for name in ("band_error", "margin", "near", "rays", "walls"):

@@ -227,6 +227,13 @@ def test_in_the_targets_body_points_about_walls_are_close(look: Look) -> None:
     assert sampling_at(case, top_um - 10.0, 1.0).walls is None
 
 
+def test_planes_are_read_in_trials_alone(look: Look) -> None:
+    """Not in pairs of images of all rays or none: what they differ by is small."""
+    case, shares = look("bore"), (0.0, 0.5, 1.0)
+    read = [sampling_at(case, case.focus_um, share).planes for share in shares]
+    assert read == [False, True, False]
+
+
 def test_close_points_show_what_walls_in_focus_hide(
     look: Look, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,223 @@
+"""Blurred layers of an image, read from planes in the outline's own frame.
+
+For the many images of a look: they differ in the layers' poses, a little in focus and
+zoom. A pixel is the mean of a plane's samples, squares themselves, at even points of
+the pixel; how the body's squares are turned against the pixels is not seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from microplan.arrays import Float32Array, FloatArray
+from microplan.compiled import compiled
+from microplan.optics.outline.own_frame import own_frame
+from microplan.optics.render.own_plane import (
+    PlaneSetting,
+    nodes_um,
+    plane,
+    plane_window,
+)
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.sampling import Sampling, band_cut
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.transfer.microscope import Microscope
+
+_OCTAVE = 16  # pitches of planes: samples are within 2.2 % of the pixel, or its halves
+_BAND = 0.45  # cycles a sample at most: above, a cubic spline follows nothing
+_FINEST = 2  # halvings of the pixel
+_MOST = 1 << 18  # points of an image: more take longer than a transform
+_TAPS = 4  # samples of a cubic
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pixels:
+    """Where an image's pixels lie in a plane."""
+
+    window: Window
+    # (2, 3): the plane's column and row from 1, the window's column and row
+    affine: FloatArray
+
+    def read(self) -> Window:
+        """Return the samples that the pixels read."""
+        w = self.window
+        ends = np.array([(1, x, y) for x in (-1, w.columns) for y in (-1, w.rows)])
+        places = ends @ self.affine.T
+        low, high = np.floor(places.min(axis=0)) - 2, np.ceil(places.max(axis=0)) + 3
+        (column, row), (columns, rows) = low.tolist(), (high - low).tolist()
+        return Window(
+            column=int(column), row=int(row), columns=int(columns), rows=int(rows)
+        )
+
+    def turned(self) -> Window:
+        """Return what they read however they are turned about their middle."""
+        w = self.window
+        middle = self.affine @ (1, (w.columns - 1) / 2, (w.rows - 1) / 2)
+        column, row = np.floor(middle).astype(int).tolist()
+        samples = math.hypot(*self.affine[:, 1])  # a pixel
+        half = math.ceil(math.hypot(w.rows, w.columns) / 2 * samples)
+        return Window(
+            column=column - half, row=row - half, columns=2 * half, rows=2 * half
+        )
+
+
+def read_layer(
+    layer: Layer,
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str,
+    window: Window,
+    shift_um: tuple[float, float],
+    sampling: Sampling,
+) -> FloatArray | None:
+    """Return a layer blurred at the pixels of a window, (rows, columns), 0..1.
+
+    Arguments as in `microplan.optics.render.render.render`. None where planes would
+    take longer or do not serve: lenses with a wavefront error, pixels with gaps.
+
+    Notes
+    -----
+    The result hangs on the arguments alone, not on the planes that are kept. It differs
+    from that of a transform by less than the band error of either (tested).
+    """
+    heights, weights = nodes_um(microscope, layer.z_um - focus_um)
+    halvings = _halvings(microscope, model, min(heights), sampling)
+    points = window.rows * window.columns << 2 * (halvings or 0)
+    if halvings is None or points > _MOST or not layer.outline.rings:
+        return None
+    lens, (turn, origin_um, own) = _lens(microscope, halvings), own_frame(layer.outline)
+    setting = PlaneSetting(own=own, lens=lens, model=model, sampling=_shared(sampling))
+    frame = (origin_um[0] + shift_um[0], origin_um[1] + shift_um[1])
+    affine = _affine(microscope, window, turn, frame) / lens.um_per_px
+    pixels = _Pixels(window=window, affine=affine)
+    found = np.zeros((window.rows, window.columns))
+    held = plane_window(setting, max(heights), pixels.turned())
+    if held is None:
+        return found
+    rows, columns = _slices(pixels.read(), held)
+    if min(rows.stop - rows.start, columns.stop - columns.start) < _TAPS:
+        return found
+    spline = np.zeros((rows.stop - rows.start, columns.stop - columns.start), "f4")
+    for z_um, weight in zip(heights, weights, strict=True):
+        spline += np.float32(weight) * plane(setting, z_um, held)[rows, columns]
+    affine[:, 0] -= (held.column + columns.start, held.row + rows.start)
+    _read(spline, affine, _points(microscope, lens, 1 << halvings), found)
+    return found
+
+
+def _halvings(
+    microscope: Microscope, model: str, z_um: float, sampling: Sampling
+) -> int | None:
+    """Return how often samples halve the pixel, None if a plane does not serve."""
+    if microscope.wavefront or microscope.fill_factor != 1:
+        return None
+    lens = _lens(microscope, 0)
+    cut = band_cut(model, lens, z_um, sampling.band_error) * lens.cutoff_per_um
+    halvings = max(0, math.ceil(math.log2(cut * lens.um_per_px / _BAND)))
+    return halvings if halvings <= _FINEST else None
+
+
+def _lens(microscope: Microscope, halvings: int) -> Microscope:
+    """Return the lens with a pixel of nearly the same pitch, halved."""
+    steps = round(_OCTAVE * math.log2(microscope.um_per_px))
+    pitch_um = 2.0 ** (steps / _OCTAVE - halvings)
+    return replace(
+        microscope, magnification=1.0, pitch_um=pitch_um, width_px=1, height_px=1
+    )
+
+
+def _shared(sampling: Sampling) -> Sampling:
+    """Return what planes need of a sampling."""
+    return Sampling(
+        band_error=sampling.band_error,
+        margin=sampling.margin,
+        near=sampling.near,
+        single=True,
+    )
+
+
+def _affine(
+    microscope: Microscope,
+    window: Window,
+    turn: tuple[float, float],
+    origin_um: tuple[float, float],
+) -> FloatArray:
+    """Return pixels' places in a turned frame, um, rows down, as `_Pixels` has them."""
+    cx, cy = axis_px(microscope)
+    p, (c, s) = microscope.um_per_px, turn
+    x = (window.column - cx) * p - origin_um[0]
+    y = (cy - window.row) * p - origin_um[1]
+    return np.array([(c * x + s * y, c * p, -s * p), (s * x - c * y, s * p, c * p)])
+
+
+def _slices(wanted: Window, held: Window) -> tuple[slice, slice]:
+    """Return rows and columns of what is held that are wanted."""
+    found = [
+        slice(max(first, 0), max(min(first + count, most), 0))
+        for first, count, most in (
+            (wanted.row - held.row, wanted.rows, held.rows),
+            (wanted.column - held.column, wanted.columns, held.columns),
+        )
+    ]
+    return found[0], found[1]
+
+
+def _points(microscope: Microscope, lens: Microscope, count: int) -> FloatArray:
+    """Return where a pixel's points lie along an axis, (count,) pixels.
+
+    With the samples' own squares they spread as the pixel does.
+    """
+    if count == 1:
+        return np.zeros(1)
+    sample = lens.um_per_px / microscope.um_per_px
+    apart = math.sqrt((1 - sample**2) / (count**2 - 1))
+    spread: FloatArray = apart * (np.arange(float(count)) - (count - 1) / 2)
+    return spread
+
+
+@compiled
+def _weights(t: float) -> tuple[float, float, float, float]:
+    """Return what four coefficients of a spline count, 0 <= t < 1 past the second."""
+    s = 1 - t
+    return (
+        s * s * s / 6,
+        2 / 3 - t * t * (1 - t / 2),
+        2 / 3 - s * s * (1 - s / 2),
+        t * t * t / 6,
+    )
+
+
+@compiled
+def _read(
+    spline: Float32Array, to_plane: FloatArray, points: FloatArray, out: FloatArray
+) -> None:
+    """Write means of a spline over points of each pixel, (rows, columns).
+
+    The spline has coefficients (R, C), and is 0 outside.
+    """
+    rows, columns = spline.shape
+    share = 1 / points.size**2
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = 0.0
+            for down in points:
+                for right in points:
+                    a, b = j + right, i + down
+                    u = to_plane[0, 0] + to_plane[0, 1] * a + to_plane[0, 2] * b
+                    v = to_plane[1, 0] + to_plane[1, 1] * a + to_plane[1, 2] * b
+                    if not (1 <= u < columns - 2 and 1 <= v < rows - 2):
+                        continue
+                    c, r = int(u), int(v)
+                    w0, w1, w2, w3 = _weights(u - c)
+                    h = _weights(v - r)
+                    for k in range(4):
+                        line = spline[r - 1 + k]
+                        total += h[k] * (
+                            w0 * line[c - 1] + w1 * line[c]
+                            + w2 * line[c + 1] + w3 * line[c + 2]
+                        )  # fmt: skip
+            out[i, j] = total * share
