@@ -129,6 +129,7 @@ def fresh(case: LookCase, layers: Sequence[Layer]) -> Backdrop:
             lamp_aperture=case.lamp_aperture,
             focus_um=(case.focus_um,),
             window=case.window,
+            planes=case.sampling.planes,
         )
     return Backdrop(found, under)
 

@@ -31,6 +31,7 @@ _POINT = 1e-9  # a pixel's light-sensitive share that makes it a point
 # Rays do not diffract between lamp and face. The Airy pattern that a transfer brings
 # with it is set to so small a share of the rim, but not far below a point's share.
 _AIRY, _AIRY_FINE = 1 / 200, 1 / 8
+_OCTAVE = 2  # sizes of it where images share planes
 # A shade is soft: neither its band nor its margin need be those of an image.
 _COARSE = Sampling(band_error=1e-3, margin=12.0, near=12.0)
 
@@ -103,6 +104,7 @@ def irradiances(
     focus_um: Sequence[float],
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
+    planes: bool = False,
 ) -> tuple[Irradiance, ...]:
     """Return the relative irradiance at each height below the layers.
 
@@ -120,6 +122,8 @@ def irradiances(
         Their part of the frame. Default: all.
     shift_um : (x, y)
         Their displacement.
+    planes : bool
+        As in `microplan.optics.render.sampling.Sampling`.
 
     Returns
     -------
@@ -133,6 +137,7 @@ def irradiances(
         If the aperture is not in (0, n) or no focus is given.
     """
     lamp = replace(microscope, aperture=lamp_aperture, wavefront=(), halo=None)
+    sampling = replace(_COARSE, planes=planes)
     frame = window or full(microscope)
     found = []
     for z_um in sorted(set(heights_um)):
@@ -143,9 +148,12 @@ def irradiances(
         finest = max(fine_um(microscope), seen)
         above = sorted({layer.z_um for layer in layers if layer.z_um > z_um})
         shades = (
-            _shade([a for a in layers if a.z_um == top], lamp, z_um, area, finest)
+            _shade(
+                [a for a in layers if a.z_um == top],
+                lamp, z_um, area, finest, sampling,
+            )
             for top in above
-        )
+        )  # fmt: skip
         kept = tuple(shade for shade in shades if shade is not None)
         found.append(Irradiance(z_um=z_um, shades=kept))
     return tuple(found)
@@ -201,6 +209,7 @@ def _shade(
     z_um: float,
     area: Area,
     finest_um: float,
+    sampling: Sampling,
 ) -> LayerShade | None:
     """Return what layers of one height keep from a face below, None if nothing."""
     height_um = layers[0].z_um - z_um
@@ -211,6 +220,8 @@ def _shade(
         return _hard(layers, lattice)
     rest = max(_AIRY * radius, _AIRY_FINE * finest_um)
     airy = min(lamp.wavelength_um / lamp.aperture, rest)
+    if sampling.planes:  # alike in images of nearly the same focus
+        airy = 2.0 ** (math.floor(_OCTAVE * math.log2(airy)) / _OCTAVE)
     point = replace(
         lamp,
         wavelength_um=airy * lamp.aperture,
@@ -220,7 +231,9 @@ def _shade(
         height_px=1,
         fill_factor=1.0 if step < 2 * finest_um else _POINT,
     )
-    found = cover(layers, point, focus_um=z_um, window=lattice.window, sampling=_COARSE)
+    found = cover(
+        layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
+    )
     kept = np.sum([c.coverage for c in found], axis=0)
     if not kept.any():
         return None

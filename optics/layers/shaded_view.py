@@ -77,6 +77,7 @@ class ShadedView:
     # as in `microplan.optics.render.sampling.Sampling`
     rays: float = 1.0
     walls: float | None = None
+    planes: bool = False
 
     def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""

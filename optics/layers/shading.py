@@ -144,6 +144,7 @@ def _image(
         shift_um=shift_um,
         rays=sampling.rays,
         walls=sampling.walls,
+        planes=sampling.planes,
     )
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
@@ -190,6 +191,7 @@ def _shaded(
         focus_um=(view.focus_um,),
         window=view.frame,
         shift_um=view.shift_um,
+        planes=view.planes,
     )
     if under is not None:
         found = _joined(found, under)

@@ -198,7 +198,9 @@ def _cut(
     found = cover(
         sections, view.microscope, focus_um=view.focus_um, model=view.model,
         window=view.frame, shift_um=view.shift_um,
-        sampling=_USUAL if view.rays >= 1 else _ROUGH,
+        sampling=replace(
+            _USUAL if view.rays >= 1 else _ROUGH, planes=view.planes
+        ),
     )  # fmt: skip
     free = 1 - sum((share for _, share in sharp), np.zeros(()))
     whole = np.sum([each.coverage for each in found], axis=0)

@@ -29,7 +29,9 @@ from microplan.optics.transfer.microscope import Microscope
 _OCTAVE = 16  # pitches of planes: samples are within 2.2 % of the pixel, or its halves
 _BAND = 0.45  # cycles a sample at most: above, a cubic spline follows nothing
 _FINEST = 2  # halvings of the pixel
-_MOST = 1 << 18  # points of an image: more take longer than a transform
+# Points of an image: planes of more fill the memory, heights that vary needing many.
+_MOST, _MOST_ALIKE = 1 << 18, 1 << 19
+_POINT = 1e-6  # a pixel's light-sensitive share that makes it a point
 _TAPS = 4  # samples of a cubic
 
 
@@ -84,12 +86,15 @@ def read_layer(
     The result hangs on the arguments alone, not on the planes that are kept. It differs
     from that of a transform by less than the band error of either (tested).
     """
-    heights, weights = nodes_um(microscope, layer.z_um - focus_um)
-    halvings = _halvings(microscope, model, min(heights), sampling)
-    points = window.rows * window.columns << 2 * (halvings or 0)
-    if halvings is None or points > _MOST or not layer.outline.rings:
+    heights, weights = _heights(microscope, layer.z_um - focus_um)
+    fit = _lens(microscope, model, min(heights), sampling)
+    if fit is None or not layer.outline.rings:
         return None
-    lens, (turn, origin_um, own) = _lens(microscope, halvings), own_frame(layer.outline)
+    lens, halvings = fit
+    most = _MOST if len(heights) > 1 else _MOST_ALIKE
+    if window.rows * window.columns << 2 * max(halvings, 0) > most:
+        return None
+    turn, origin_um, own = own_frame(layer.outline)
     setting = PlaneSetting(own=own, lens=lens, model=model, sampling=_shared(sampling))
     frame = (origin_um[0] + shift_um[0], origin_um[1] + shift_um[1])
     affine = _affine(microscope, window, turn, frame) / lens.um_per_px
@@ -105,29 +110,40 @@ def read_layer(
     for z_um, weight in zip(heights, weights, strict=True):
         spline += np.float32(weight) * plane(setting, z_um, held)[rows, columns]
     affine[:, 0] -= (held.column + columns.start, held.row + rows.start)
-    _read(spline, affine, _points(microscope, lens, 1 << halvings), found)
+    points = _points(microscope, lens, 1 << max(halvings, 0))
+    _read(spline, affine, points, found)
     return found
 
 
-def _halvings(
+def _heights(microscope: Microscope, z_um: float) -> tuple[list[float], list[float]]:
+    """Return the heights of planes that count, um, and the weight of each."""
+    found = [pair for pair in zip(*nodes_um(microscope, z_um), strict=True) if pair[1]]
+    return [z_um for z_um, _ in found], [weight for _, weight in found]
+
+
+def _lens(
     microscope: Microscope, model: str, z_um: float, sampling: Sampling
-) -> int | None:
-    """Return how often samples halve the pixel, None if a plane does not serve."""
-    if microscope.wavefront or microscope.fill_factor != 1:
+) -> tuple[Microscope, int] | None:
+    """Return the lens with a pixel a sample, and how often samples halve the pixel.
+
+    Less than 0 times where they are farther apart. None where a plane does not serve.
+    """
+    m = replace(microscope, magnification=1.0, width_px=1, height_px=1)
+    is_point = m.fill_factor < _POINT
+    if m.wavefront or not (is_point or m.fill_factor == 1):
         return None
-    lens = _lens(microscope, 0)
+    octave = round(_OCTAVE * math.log2(microscope.um_per_px)) / _OCTAVE
+    lens = replace(m, pitch_um=2.0**octave)
     cut = band_cut(model, lens, z_um, sampling.band_error) * lens.cutoff_per_um
-    halvings = max(0, math.ceil(math.log2(cut * lens.um_per_px / _BAND)))
-    return halvings if halvings <= _FINEST else None
-
-
-def _lens(microscope: Microscope, halvings: int) -> Microscope:
-    """Return the lens with a pixel of nearly the same pitch, halved."""
-    steps = round(_OCTAVE * math.log2(microscope.um_per_px))
-    pitch_um = 2.0 ** (steps / _OCTAVE - halvings)
-    return replace(
-        microscope, magnification=1.0, pitch_um=pitch_um, width_px=1, height_px=1
-    )
+    if is_point:
+        fine = math.floor(math.log2(_BAND / cut))
+        return replace(lens, pitch_um=2.0**fine), 0
+    halvings = math.ceil(math.log2(cut * lens.um_per_px / _BAND))
+    if halvings > _FINEST:
+        return None
+    share = 4.0 ** min(halvings, 0)  # of a coarse sample's area is the pixel's
+    pitch_um = lens.um_per_px / 2.0**halvings
+    return replace(lens, pitch_um=pitch_um, fill_factor=share), halvings
 
 
 def _shared(sampling: Sampling) -> Sampling:

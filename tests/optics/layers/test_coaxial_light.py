@@ -10,7 +10,7 @@ from microplan.optics.layers.lattice import Lattice
 from microplan.optics.outline.outline import place
 from microplan.optics.render.sampling import margin_error
 from microplan.optics.render.scene import Layer, Window
-from tests.optics.shapes import disc, microscope
+from tests.optics.shapes import disc, gear, microscope
 
 # of a shade: its band, its margin, and reading it between its points
 SHADE = 1e-3 + margin_error(12.0) + 1e-3
@@ -50,3 +50,17 @@ def test_shades_of_one_height_add_up_wherever_they_were_computed() -> None:
         assert len(both.shades) == 1
         kept = (1 - here.on(lattice)) + (1 - away.on(lattice))
         np.testing.assert_allclose(1 - both.on(lattice), kept, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("height_um", [12.0, 100.0, 300.0])
+def test_light_read_from_planes_is_the_same(height_um: float) -> None:
+    plate = Layer(name="plate", outline=gear(), z_um=height_um, reflectance=0.0)
+    optics, lattice = microscope(6.9, 60, 60), Lattice.over((-30, -30, 30, 30), 5.0)
+    read, found = (
+        irradiances(
+            (plate,), (0.0,), optics, lamp_aperture=0.42, focus_um=(3.0,), planes=planes
+        )[0].on(lattice)
+        for planes in (True, False)
+    )  # fmt: skip
+    assert found.min() < 0.95
+    np.testing.assert_allclose(read, found, rtol=0, atol=SHADE)

@@ -99,6 +99,14 @@ def test_a_halo_is_in_planes_too() -> None:
     np.testing.assert_allclose(read, wanted, rtol=0, atol=BAND_ERROR)
 
 
+def test_points_far_apart_are_read_as_pixels_are() -> None:
+    """As lights on a face are, by samples much closer than the points."""
+    points = replace(SCOPE, magnification=1.0, fill_factor=1e-9)
+    read, wanted = both(gear(), 90.0, points)
+    assert read is not None
+    np.testing.assert_allclose(read, wanted, rtol=0, atol=BAND_ERROR)
+
+
 def test_what_is_kept_changes_nothing() -> None:
     first = [both(*pose[:1], 140 + pose[1], pose[2])[0] for pose in poses(gear(), 4)]
     own_plane._PLANES._held.clear()
