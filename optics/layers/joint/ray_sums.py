@@ -66,17 +66,12 @@ def ray_sums(
             for first in range(0, rays, _BUNDLE):
                 total[:, :] = np.float32(0.0)
                 for r in range(first, min(first + _BUNDLE, rays)):
-                    for f in range(fields.shape[0]):
-                        if fields[f, _COLUMNS] == 0:
-                            continue
-                        k = fields[f, _PLACE]
-                        y, x = row + down[k, r], left + right[k, r]
-                        if is_between[k]:
-                            _read_between(values, fields, f, y, x, n, met)
-                        else:
-                            _read(values, fields, f, y, x, n, met)
+                    places = down, right, is_between
+                    _meet(values, fields, places, (r, row, left, n), met, total)
                     _compose(met, faces, finish, n, view)
-                    _add(view, met, fields, n, total)
+                    for s in range(seen):
+                        for i in range(n):
+                            total[s, i] += view[s, i]
                 for s in range(sums.shape[0]):
                     for i in range(n):
                         sums[s, row, left + i] += total[s, i]
@@ -94,22 +89,25 @@ def _spread(values: Float32Array, fields: IntArray, met: Float32Array) -> None:
 
 
 @compiled
-def _add(
-    view: Float32Array,
-    met: Float32Array,
+def _meet(
+    values: Float32Array,
     fields: IntArray,
-    n: int,
+    places: tuple[FloatArray, FloatArray, BoolArray],
+    at: tuple[int, int, int, int],
+    met: Float32Array,
     total: Float32Array,
 ) -> None:
-    """Add what one ray of each point sees, and meets, to a bundle's, in place."""
-    seen = total.shape[0] - fields.shape[0]
-    for s in range(seen):
-        for i in range(n):
-            total[s, i] += view[s, i]
+    """Read a run of all fields that are not even where a ray meets them, in place."""
+    down, right, is_between = places
+    r, row, left, n = at
     for f in range(fields.shape[0]):
         if fields[f, _COLUMNS] > 0:
-            for i in range(n):
-                total[seen + f, i] += met[f, i]
+            k = fields[f, _PLACE]
+            y, x = row + down[k, r], left + right[k, r]
+            if is_between[k]:
+                _read_between(values, fields, f, y, x, n, met, total)
+            else:
+                _read(values, fields, f, y, x, n, met, total)
 
 
 @compiled
@@ -121,12 +119,14 @@ def _read(
     x: float,
     n: int,
     met: Float32Array,
+    total: Float32Array,
 ) -> None:
-    """Read a run of a field from a row and column on."""
+    """Read a run of a field from a row and column on, and add it up, in place."""
     at = fields[f, _FIRST] + int(y) * fields[f, _COLUMNS] + int(x)
-    run = values[at : at + n]
+    run, row = values[at : at + n], total.shape[0] - fields.shape[0] + f
     for i in range(n):
         met[f, i] = run[i]
+        total[row, i] += run[i]
 
 
 @compiled
@@ -138,8 +138,10 @@ def _read_between(
     x: float,
     n: int,
     met: Float32Array,
+    total: Float32Array,
 ) -> None:
-    """Read a run of a field from a row and column on, linear between its points."""
+    """Read the same linear between a field's points."""
+    out = total.shape[0] - fields.shape[0] + f
     row, column, columns = int(y), int(x), fields[f, _COLUMNS]
     v, u = np.float32(y - row), np.float32(x - column)
     at = fields[f, _FIRST] + row * columns + column
@@ -148,7 +150,9 @@ def _read_between(
     for i in range(n):
         upper = high[i] + u * (high[i + 1] - high[i])
         lower = low[i] + u * (low[i + 1] - low[i])
-        met[f, i] = upper + v * (lower - upper)
+        between = upper + v * (lower - upper)
+        met[f, i] = between
+        total[out, i] += between
 
 
 @compiled
