@@ -116,8 +116,7 @@ def mirrored(
         full scale.
     """
     total = np.zeros(rays.x_um.shape[0])
-    between = (met.z_um >= above_um) & (met.z_um <= below_um)
-    flight = _started(met.z_um, np.where(between, met.walls, -1), rays)
+    flight = _started(met, rays, between_um=(above_um, below_um))
     _fly(flight, bodies, lights, floor, floor_um, total)
     return total
 
@@ -159,7 +158,7 @@ def raised(
         seen &= Paths.of(face, rays).at(z_um) < 0
     ceiling_um = _ceiling_um(images)
     again = first_met(images, ceiling_um, rays, seen)
-    flight = _started(again.z_um, again.walls, rays, mirrors)
+    flight = _started(again, rays, mirrors)
     _fly(flight, images, [None] * len(images), _LAMP, ceiling_um, total)
     return total
 
@@ -195,18 +194,25 @@ def first_met(
 
 
 def _started(
-    first: Float32Array, whose: IntArray, rays: Rays, weight: float = 1.0
+    met: FirstMet,
+    rays: Rays,
+    weight: float = 1.0,
+    between_um: tuple[float, float] = (-math.inf, math.inf),
 ) -> _Flight:
-    """Return the rays that a wall mirrors first, from there."""
-    point, ray = np.nonzero(whose >= 0)
-    z = first[point, ray].astype(np.float64)
+    """Return the rays that a wall mirrors first, between two heights, from there."""
+    whose, first = met.walls.ravel(), met.z_um.ravel()
+    at = np.flatnonzero(whose >= 0)
+    z = first[at]
+    within = (z >= between_um[0]) & (z <= between_um[1])
+    at, z = at[within], z[within].astype(np.float64)
+    point, ray = np.divmod(at, met.walls.shape[1])
     across, up = rays.across[0, ray], rays.up[0, ray]
     slope, start = np.hypot(across, up), (point, ray % rays.x_um.shape[1])
     places = rays.x_um[start] + z * across, rays.y_um[start] + z * up
     down = -across / slope, -up / slope  # heights fall
     return _Flight(
         rays=np.stack([*places, z, *down, slope, np.full(z.shape, weight)], axis=1),
-        walls=whose[point, ray],
+        walls=whose[at],
         bounces=np.zeros(z.shape, dtype=np.intp),
         points=point,
     )

@@ -55,7 +55,7 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
     return _joined(tuple(body.distance.grid for body in bodies)), numbers
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _joined(grids: tuple[DistanceGrid, ...]) -> Float32Array:
     """Return the distances of grids one after the other, (N,) um: bodies only move."""
     found = np.concatenate(

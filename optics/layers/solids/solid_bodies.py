@@ -45,11 +45,17 @@ class LightTable:
         """Return the share at the points nearest to world points, (...) um."""
         (left, top), k = self.lattice.corner_um, np.float32(1 / self.lattice.step_um)
         rows, columns = self.share.shape
-        across = (x - np.float32(left)) * k + np.float32(0.5)
-        down = (np.float32(top) - y) * k + np.float32(0.5)
-        column, row = np.clip(across, 0, columns - 1), np.clip(down, 0, rows - 1)
-        at = row.astype(np.int32) * columns + column.astype(np.int32)
-        found: Float32Array = self.share.ravel()[at]
+        half = np.float32(0.5)
+        across, down = x - np.float32(left), np.float32(top) - y
+        across *= k
+        across += half
+        down *= k
+        down += half
+        column, row = np.maximum(across, 0), np.maximum(down, 0)
+        at = np.minimum(row, rows - 1, out=row).astype(np.int32)
+        at *= columns
+        at += np.minimum(column, columns - 1, out=column).astype(np.int32)
+        found: Float32Array = self.share.ravel().take(at)
         if self.beyond is not None:
             out = (across < 0) | (down < 0) | (across >= columns) | (down >= rows)
             found[out] = self.beyond.at(x[out], y[out])
