@@ -54,8 +54,9 @@ def least_distances(
     widest = max(widths_um[0], widths_um[last])
     depth = abs(heights_um[last] - heights_um[0])
     farthest = max(abs(heights_um[0]), abs(heights_um[last]))
-    for p in range(least.shape[0]):
-        for r in range(least.shape[1]):
+    # points within: next to each other they meet the same part of the grid
+    for r in range(least.shape[1]):
+        for p in range(least.shape[0]):
             if away_um[p] >= farthest * slopes[0, r] + widest:
                 least[p, r] = _CLEAR
                 continue
@@ -107,6 +108,6 @@ def _nearest(
 ) -> float:
     """Return the distance at the point of the grid nearest to a ray at a height."""
     rows, columns = distances.shape
-    column = int(min(max(ray[0] + z_um * ray[2], 0.0), columns - 1.0))
-    row = int(min(max(ray[1] + z_um * ray[3], 0.0), rows - 1.0))
+    column = np.uintp(np.int32(min(max(ray[0] + z_um * ray[2], 0.0), columns - 1.0)))
+    row = np.uintp(np.int32(min(max(ray[1] + z_um * ray[3], 0.0), rows - 1.0)))
     return float(distances[row, column])
