@@ -141,7 +141,8 @@ def _share(
         turned = [_turned(body) for body in bodies]
         nothing: list[RayEnd | None] = [None] * len(turned)
         # as many as straight ones of trials, not fewer
-        few, _ = rays_from(lattice, lamp, thinned(MIRRORED, math.sqrt(finer)))
+        count = thinned(MIRRORED, math.sqrt(finer))
+        few, _ = rays_from(lattice, lamp, count, finer=finer)
         outside = rays_outside([b for b in bodies if b.under_um <= 0], few)
         sky = SentLight(reflectance=1.0, finish=0.0)
         ceiling_um = -(top_um - z_um) - 1.0

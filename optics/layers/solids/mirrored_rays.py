@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from microplan.optics.layers.solids.packed_bodies import packed
 from microplan.optics.layers.solids.straight_rays import Paths, Rays, ThickBody
 from microplan.optics.layers.solids.unfolded_bodies import unfolded
 
@@ -70,6 +71,7 @@ class _Flight:
     walls: IntArray  # (N,) body at whose wall each starts; -1: at none
     bounces: IntArray  # (N,)
     points: IntArray  # (N,) that each belongs to
+    reach: float  # as in `Rays`
 
     def risen(self, few: IntArray, mirrors: float) -> _Flight:
         """Return some of the rays after a mirror."""
@@ -80,6 +82,7 @@ class _Flight:
             walls=np.full(few.shape, -1),
             bounces=self.bounces[few],
             points=self.points[few],
+            reach=self.reach,
         )
 
 
@@ -187,7 +190,7 @@ def first_met(
     whose = np.full(first.shape, -1, dtype=np.intp)
     slopes = np.hypot(across.astype(np.float64), up.astype(np.float64))
     ray_loops.first_met(
-        *ray_loops.packed(bodies), floor_um, x, y, across, up, slopes, rays.apart_um,
+        *packed(bodies), floor_um, x, y, across, up, slopes, rays.apart_um,
         first, whose,
     )  # fmt: skip
     return FirstMet(z_um=first, walls=whose)
@@ -215,6 +218,7 @@ def _started(
         walls=whose[at],
         bounces=np.zeros(z.shape, dtype=np.intp),
         points=point,
+        reach=rays.reach,
     )
 
 
@@ -231,8 +235,8 @@ def _fly(
 
     ends = np.empty(flight.points.shape, dtype=np.intp)
     ray_loops.fly(
-        *ray_loops.packed(bodies), floor_um, flight.rays, flight.walls,
-        flight.bounces, ends,
+        *packed(bodies), floor_um, flight.rays, flight.walls,
+        flight.bounces, ends, flight.reach,
     )  # fmt: skip
     for end, light in enumerate([*lights, floor]):
         few = np.flatnonzero(ends == end)

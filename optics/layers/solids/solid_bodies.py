@@ -26,6 +26,7 @@ _WIDTH = 0.6
 MIRRORED = 256  # rays of the lamp that are followed past walls
 _FOLLOWED, _SIDES = 2_400_000, (24, 32)  # in all, and roots of how many of a point
 _AT_ONCE = 1 << 20  # rays traced at once: a limit to memory
+_HASTY = 1.9  # reach of rays that are thinned: images change by .0005 rms at most
 _LEAST = 3  # root of how many rays of a point are left at least
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
@@ -131,16 +132,18 @@ def rays_from(
     """Return rays through a lattice's points, and their width a um of height.
 
     `all_over`: those of a point lie all over its cell, whose mean they have then.
-    `finer`: below 1 they are `thinned`.
+    `finer`: below 1 they are `thinned`, and mirrored ones followed in longer steps.
     """
     (left, top), step = lattice.corner_um, lattice.step_um
     rows, columns = lattice.shape
     x, y = np.meshgrid(left + step * np.arange(columns), top - step * np.arange(rows))
     if count is None:
         count = straight_rays(lattice, finer)
+    reach = 1.0 if finer >= 1 else _HASTY
     tangents = slopes(microscope, count)
     soft = _WIDTH * math.sqrt(math.pi / count) * microscope.blur_diameter_um(1.0) / 2
     rays = rays_of(np.stack([x.ravel(), y.ravel()], axis=1), tangents)
+    rays = replace(rays, reach=reach)
     if all_over:
         across, up = np.float32(step) * _scattered(count)
         rays = replace(rays, x_um=rays.x_um + across, y_um=rays.y_um + up)

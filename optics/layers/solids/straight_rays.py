@@ -40,6 +40,8 @@ class Rays:
     y_um: Float32Array
     across: Float32Array  # (1, slopes): sideways a um of height
     up: Float32Array
+    # how far mirrored ones go on as they leave a wall, as in `ray_loops.fly`
+    reach: float = 1.0
 
     def some(self, points: IntArray) -> Rays:
         """Return the rays of some points, (K,) numbers."""

@@ -120,7 +120,7 @@ def mirrored_view(
     count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
     parts = [
         _mirrored_above(faces, plane, plane_um, rays, margin_um)
-        for rays in _cell_rays(lattice, microscope, count)
+        for rays in _cell_rays(lattice, microscope, count, finer)
     ]
     above, *sharp = (continued(f) / count for f in _joined(parts, lattice))
     below = np.zeros(lattice.shape)
@@ -137,10 +137,12 @@ def _joined(
     ]
 
 
-def _cell_rays(lattice: Lattice, microscope: Microscope, count: int) -> Iterator[Rays]:
+def _cell_rays(
+    lattice: Lattice, microscope: Microscope, count: int, finer: float
+) -> Iterator[Rays]:
     """Yield so many rays of each point of a lattice, all over its cell, by bands."""
     for band in bands(lattice, count):
-        rays, _ = rays_from(band, microscope, count, all_over=True)
+        rays, _ = rays_from(band, microscope, count, all_over=True, finer=finer)
         yield rays
 
 
@@ -209,7 +211,7 @@ def mirrored_below(
     count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
     sharp = [face.body for face in faces if face.body.is_sharp]
     parts = []
-    for rays in _cell_rays(lattice, microscope, count):
+    for rays in _cell_rays(lattice, microscope, count, finer):
         free = np.ones(rays.shape[0], dtype=np.bool_)
         for body in sharp:
             free &= body.distance.at(*rays.first) > -margin_um

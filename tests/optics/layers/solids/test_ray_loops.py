@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from microplan.optics.layers.solids import mirrored_rays
+from microplan.optics.layers.solids.solid_bodies import SentLight
 from microplan.optics.layers.solids.straight_rays import (
     Rays,
     ThickBody,
@@ -104,6 +105,20 @@ def test_points_all_of_whose_rays_pass_or_end_on_top_are_as_others() -> None:
         assert (alone[:, 0] == together[:, r]).all()
         assert (its[:, 0] == whose[:, r]).all()
     assert (together[whose == -1] == 12.0).mean() > 0.05
+
+
+def test_mirrored_rays_in_longer_steps_end_alike() -> None:
+    """But for few that touch a wall once more or less, which changes .5 of each."""
+    rays, bodies = drawn(200), [post(-20.0, -50.0), post(12.0, -15.0)]
+    lamp = SentLight(reflectance=1.0, finish=0.0)
+    sums = []
+    for reach in (1.0, 1.9):
+        own = replace(rays, reach=reach)
+        met = mirrored_rays.first_met(bodies, -90.0, own)
+        nothing = [None] * len(bodies)
+        sums.append(mirrored_rays.mirrored(bodies, nothing, lamp, -90.0, own, met))
+    assert sums[0].sum() > 100
+    assert np.abs(sums[1] - sums[0]).sum() < 0.02 * sums[0].sum()
 
 
 @pytest.mark.parametrize("is_sharp", [False, True])
