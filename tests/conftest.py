@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.planner.examples import EXAMPLE, microplan
+from tests.planner.few_trials import compile_example
 
 # No test depends on time, not even on how long its own examples take to make, and each
 # run draws the same examples; `make bench` draws others.
@@ -49,7 +49,7 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def compiled_example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the plan folder of the gear-on-shaft example at preset fast.
+    """Return the plan folder of the gear-on-shaft example, made of few trials.
 
     All workers of one test run share it: the first compiles, the others wait. Nobody
     may change it.
@@ -59,9 +59,7 @@ def compiled_example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with (shared / "gear-on-shaft.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # let go when the file closes
         if not folder.exists():
-            task = str(EXAMPLE / "task.yaml")
-            options = ("-o", str(folder), "--preset", "fast", "--jobs", "2")
-            done = microplan("compile", task, *options)
+            done = compile_example(folder)
             assert done.returncode == 0, done.stderr
     return folder
 

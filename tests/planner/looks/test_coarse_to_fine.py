@@ -22,7 +22,15 @@ from microplan.planner.task.presets import PRESETS
 from microplan.schemas.plan import Look, Plan, parse_plan
 from microplan.schemas.plan.views import ViewChange
 from tests.executor.bench import QUICK
-from tests.planner.examples import FEW, ONE_LOOK, change, copy_example, cut, read
+from tests.planner.examples import (
+    FEW,
+    ONE_LOOK,
+    change,
+    copy_example,
+    cut,
+    known_lens,
+    read,
+)
 
 SEEDS = range(8)
 SIGMA_UM = 30.0  # of the gear's place
@@ -40,6 +48,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change(file.with_name("workcell.yaml"), "pixels: [640, 480]", "pixels: [200, 150]")
     change(file, "sigma_xy_um: 10,", "sigma_xy_um: 2,")
     change(file, "theta: any, sigma_xy_um: 30", f"sigma_xy_um: {SIGMA_UM}")
+    change(file, "max_image_error: 0.002", "max_image_error: 0.06")
+    known_lens(file)
     report = Report()
     less = replace(FEW, random_trials=PRESETS["fast"].random_trials)
     with pytest.MonkeyPatch.context() as patch:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -61,6 +64,47 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return written(folder, "--no-cache")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filled:
+    """A cache after its first compile, and what that compile gave."""
+
+    cache: Path
+    files: dict[str, bytes]
+    said: tuple[str, str]  # on stdout and stderr
+    kept: int  # results
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Filled:
+    """Return a cache that the task filled; tests use copies of it."""
+    folder = tmp_path_factory.mktemp("filled")
+    one_look(copy_example(folder / "task"))
+    printed, warned = io.StringIO(), io.StringIO()
+    with (
+        noted_results() as names,
+        contextlib.redirect_stdout(printed),
+        contextlib.redirect_stderr(warned),
+    ):
+        files = written(folder, "--cache", str(folder / "cache"))
+    out, err = (each.getvalue().replace(str(folder), "") for each in (printed, warned))
+    return Filled(cache=folder / "cache", files=files, said=(out, err), kept=len(names))
+
+
+@contextlib.contextmanager
+def noted_results() -> Iterator[list[str]]:
+    """Yield a list that takes the keys of results that were not there yet."""
+    names: list[str] = []
+    put = Store.put
+
+    def noted(self: Store, key: str, result: bytes) -> None:
+        names.append(key)
+        put(self, key, result)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Store, "put", noted)
+        yield names
+
+
 @pytest.fixture
 def task(tmp_path: Path) -> Path:
     file = copy_example(tmp_path / "task")
@@ -75,50 +119,51 @@ def files(task: Path, tmp_path: Path) -> Compile:
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return the names of the calls whose results were not there yet."""
-    names: list[str] = []
-    put = Store.put
+def cache(filled: Filled, tmp_path: Path) -> tuple[str, str]:
+    """Return the words that name a copy of the filled cache."""
+    return "--cache", str(shutil.copytree(filled.cache, tmp_path / "cache"))
 
-    def noted(self: Store, key: str, result: bytes) -> None:
-        names.append(key)
-        put(self, key, result)
 
-    monkeypatch.setattr(Store, "put", noted)
-    return names
+@pytest.fixture
+def made() -> Iterator[list[str]]:
+    """Return the keys of the results that were not there yet."""
+    with noted_results() as names:
+        yield names
 
 
 def test_a_cache_changes_nothing_but_the_time(
     files: Compile,
     plain: dict[str, bytes],
+    filled: Filled,
+    cache: tuple[str, str],
     made: list[str],
     tmp_path: Path,
     task: Path,
 ) -> None:
-    cache = ("--cache", str(tmp_path / "cache"))
-    assert files(*cache) == plain
-    first = len(made)
-    assert first > 3
+    assert filled.files == plain
+    assert filled.kept > 3
     told = files(*cache, "--report")  # all of it kept
-    assert len(made) == first
+    assert made == []
     again = write_report(tmp_path / "new", tmp_path / "again.html")
     assert told.pop("report.html") == again.read_bytes()
     assert told == plain
     change(task, "seed: 1998", "seed: 1999")
     fresh = files(*cache)
-    assert len(made) > first
     kept = len(made)
+    assert kept > 0
     assert fresh == files("--no-cache") != plain
     assert len(made) == kept
 
 
 def test_an_unchanged_task_is_not_even_read(
-    files: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, task: Path,
+    files: Compile,
+    filled: Filled,
+    cache: tuple[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    task: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    cache = ("--cache", str(tmp_path / "cache"))
-    plain = files(*cache)
-    said = capsys.readouterr()
+) -> None:
     reads: list[str] = []
 
     def noted(path: str, report: Report) -> Task | None:
@@ -126,8 +171,9 @@ def test_an_unchanged_task_is_not_even_read(
         return load_task(path, report)
 
     monkeypatch.setattr(read_task, "load_task", noted)
-    assert files(*cache) == plain
-    assert capsys.readouterr() == said  # its findings are told again
+    assert files(*cache) == filled.files
+    said = (text.replace(str(tmp_path), "") for text in capsys.readouterr())
+    assert tuple(said) == filled.said  # its findings are told again
     assert reads == []
     drawing = task.parent / "parts" / "shaft_plate.dxf"
     drawing.write_bytes(drawing.read_bytes() + b"\n")
@@ -141,17 +187,14 @@ def test_an_unchanged_task_is_not_even_read(
 
 
 def test_a_spoilt_cache_is_computed_anew(
-    files: Compile, made: list[str], tmp_path: Path
+    files: Compile, filled: Filled, cache: tuple[str, str], made: list[str]
 ) -> None:
-    cache = ("--cache", str(tmp_path / "cache"))
-    plain = files(*cache)
-    count = len(made)
-    for kept in (tmp_path / "cache").rglob("*.result"):
+    for kept in Path(cache[1]).rglob("*.result"):
         data = bytearray(kept.read_bytes())
         data[len(data) // 2] ^= 1
         kept.write_bytes(data)
-    assert files(*cache) == plain
-    assert len(made) == 2 * count
+    assert files(*cache) == filled.files
+    assert len(made) == filled.kept
 
 
 def test_a_cache_that_cannot_be_written_stops_nothing(

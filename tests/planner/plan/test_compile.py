@@ -31,6 +31,7 @@ from microplan.schemas.codec import from_data
 from microplan.schemas.files import json_schema
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan, dump_plan, parse_plan
+from tests.golden.__main__ import FEW_TRIALS, GOLDEN, compile_fast
 from tests.planner.examples import (
     FEW,
     GRASP,
@@ -45,7 +46,6 @@ from tests.planner.examples import (
     read,
 )
 
-GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
 RELEASE = "{id: release, do: release, target: gear, opening_um: 130}"
 FIND_GEAR = "{id: find_gear, do: locate, target: gear, view_um: [0, 0]}"
 
@@ -95,12 +95,26 @@ def test_the_plan_fits_its_schema_and_its_types(compiled_example: Path) -> None:
     ]  # fmt: skip
 
 
-def test_the_plan_agrees_with_the_golden_one(compiled_example: Path) -> None:
-    golden, found = (
+def differences(golden: Path, folder: Path) -> list[str]:
+    """Return in what a plan just compiled differs from a golden one."""
+    kept, found = (
         parse_plan(file.read_text(encoding="utf-8"))
-        for file in (GOLDEN, compiled_example / "plan.json")
+        for file in (golden, folder / "plan.json")
     )
-    told = [f"{c.where}: {c.says}" for c in compare_plans(golden, found)]
+    return [f"{change.where}: {change.says}" for change in compare_plans(kept, found)]
+
+
+def test_the_plan_agrees_with_the_golden_one(compiled_example: Path) -> None:
+    told = differences(FEW_TRIALS, compiled_example)
+    assert told == [], "meant? python -m tests.golden"
+
+
+@pytest.mark.slow
+def test_the_plan_at_fast_agrees_with_the_golden_one(tmp_path: Path) -> None:
+    """With all its trials and charges; the plan of few trials takes the same road."""
+    done = compile_fast(tmp_path / "fast.plan")
+    assert done.returncode == 0, done.stderr
+    told = differences(GOLDEN, tmp_path / "fast.plan")
     assert told == [], "meant? python -m tests.golden"
 
 

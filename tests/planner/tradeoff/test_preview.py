@@ -26,13 +26,13 @@ from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import reference_image
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.presets import PRESETS
 from microplan.planner.views.requests import requests
 from microplan.planner.views.target_views import views
 from microplan.schemas.plan import parse_plan
-from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
+from tests.planner.examples import EXAMPLE, FEW, change, copy_example, one_look, read
 
 TASK = str(EXAMPLE / "task.yaml")
+TRIALS = 24
 A = TypeVar("A")
 B = TypeVar("B")
 
@@ -75,14 +75,14 @@ def test_a_trial_is_rebuilt_bit_for_bit(
     task, report, recorder = read(file), Report(), Recorder()
     (look,) = requests(task, unfold(task, report), 0, None)
     effects = CompileContext(
-        effort=PRESETS["fast"],
+        effort=replace(FEW, trials=TRIALS),
         max_image_error=limit or task.optimise.image_error(),
         map=recorder,
     )
     low, _ = task.workcell.optics.magnification
     assert compile_look(task, look, effects, low, report) is not None
     assert recorder.case is not None
-    assert len(recorder.trials) >= PRESETS["fast"].trials
+    assert len(recorder.trials) >= TRIALS
     for index in (0, 3, 22):  # the third of each four is an extreme
         out = tmp_path / f"{index}.npy"
         words = ("--step", "see_post", "--trial", str(index))
@@ -102,9 +102,9 @@ def test_the_picture_of_a_step_is_the_plansreference_image(
         assert render(out, "--step", name) == 0
         look = next(look for s in plan.steps for look in s.looks if look.id == name)
         stored = pixels(compiled_example / look.scene.image)
-        # laws differ by less than the plan's image error, a picture rounds by half
+        # laws differ by less than the task's image error, a picture rounds by half
         away = np.abs(pixels(out).astype(int) - stored.astype(int)).max()
-        assert away <= 1 + math.ceil(255 * plan.provenance.max_image_error)
+        assert away <= 1 + math.ceil(255 * read(Path(TASK)).optimise.image_error())
 
 
 def test_the_lens_is_in_the_picture_as_in_the_plans(tmp_path: Path) -> None:

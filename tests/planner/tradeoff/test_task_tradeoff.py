@@ -30,7 +30,7 @@ from microplan.planner.tradeoff.task_tradeoff import (
 )
 from microplan.planner.tradeoff.task_tradeoff_record import Spent, TradeoffPoint
 from microplan.schemas.plan import Plan, parse_plan
-from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
+from tests.planner.examples import EXAMPLE, FEW, change, copy_example, one_look, read
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "gear_on_shaft.fast.json"
 
@@ -220,10 +220,14 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     task = copy_example(base / "example")
     one_look(task)
     change(task, "prefer: balanced", "prefer: fast")
-    change(task, "max_image_error: 0.05", "max_image_error: 0.02")
     out = base / "out"
     call = ["tradeoff", str(task), "--vary", "trials=8", "-o", str(out)]
-    with contextlib.redirect_stdout(io.StringIO()) as said:
+    few = {**PRESETS, "fast": replace(FEW, trials=12, random_trials=24)}
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(io.StringIO()) as said,
+    ):
+        patch.setattr("microplan.planner.tradeoff.task_axes.PRESETS", few)
         assert main(call) == 0
     return out, said.getvalue()
 
