@@ -6,17 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
-from tests.executor.pictures import forget, remembered
+from tests.executor.pictures import each_state_once
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def one_render_a_state() -> Iterator[None]:
-    """Render each true state once in a module: its runs differ by what goes wrong.
+    """Render each true state once in all tests: runs differ by what goes wrong.
 
     The noise of a frame is drawn afresh.
     """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(QuickPictures, "image", remembered)
+    with each_state_once():
         yield
-    forget()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from unittest.mock import patch
 
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
@@ -43,6 +46,8 @@ def remembered(
     return found
 
 
-def forget() -> None:
-    """Drop the pictures that are kept."""
-    _SEEN.clear()
+@contextmanager
+def each_state_once() -> Iterator[None]:
+    """Render each true state once while inside, and not again in later such places."""
+    with patch.object(QuickPictures, "image", remembered):
+        yield

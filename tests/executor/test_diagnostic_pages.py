@@ -63,6 +63,7 @@ def change(file: Path, lines: list[str]) -> None:
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 @pytest.mark.parametrize("code", sorted(set(CODES) - UNTESTED))
 def test_the_example_of_a_page_leads_to_its_code(
     code: str, built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -124,6 +124,7 @@ def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None
     assert logs[0] != (tmp_path / "c" / "events.jsonl").read_bytes()
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 @pytest.mark.parametrize(
     "seed",
     [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 8))],
@@ -135,6 +136,7 @@ def test_done_is_never_said_of_a_failed_assembly(
     assert (status == 0) == summary(tmp_path / "run")["cell_verdict"]["success"]
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 @pytest.mark.parametrize(
     ("fault", "codes"),
     [
@@ -156,6 +158,7 @@ def test_a_fault_is_caught(
     assert not found["done"]
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 def test_nothing_moves_after_a_fault(built: Path, tmp_path: Path) -> None:
     assert run(built, tmp_path / "run", "--no-frames", "--inject", "no_part") == 1
     names = [e["event"] for e in events(tmp_path / "run")]
@@ -164,6 +167,7 @@ def test_nothing_moves_after_a_fault(built: Path, tmp_path: Path) -> None:
     assert "jaws" not in names
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 def test_a_fault_that_nothing_met_is_told(
     built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -312,6 +316,7 @@ def test_a_fault_of_a_step_that_the_plan_has_not_is_refused(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 def test_a_plan_that_acts_and_never_verifies_is_not_done(
     built: Path, tmp_path: Path
 ) -> None:

@@ -17,6 +17,7 @@ import microplan.executor.cli.main
 from microplan.planner.cli.main import main as microplan_main
 from microplan.planner.task.presets import PRESETS
 from tests.executor.bench import QUICK
+from tests.executor.pictures import each_state_once
 from tests.planner.examples import change, copy_example, one_zoom
 
 SEEDS = range(4)  # `python -m benchmarks microplan.executor.success` takes hundreds
@@ -58,7 +59,8 @@ Runs = list[tuple[int, dict[str, Any]]]
 def runs(compiled_example: Path, tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Return the example's runs with every seed."""
     folder = tmp_path_factory.mktemp("runs")
-    return [run(compiled_example, folder / str(seed), seed) for seed in SEEDS]
+    with each_state_once():
+        return [run(compiled_example, folder / str(seed), seed) for seed in SEEDS]
 
 
 def test_the_example_ends_with_the_gear_on_its_post(
@@ -81,6 +83,7 @@ def test_looks_err_as_the_trials_promised(compiled_example: Path, runs: Runs) ->
         assert math.hypot(*errors) / math.sqrt(len(errors)) < 2 * math.sqrt(2) * sigma
 
 
+@pytest.mark.usefixtures("one_render_a_state")
 @pytest.mark.parametrize("fault", ["stick", "block"])
 def test_a_gear_that_is_not_seated_is_caught(
     compiled_example: Path, tmp_path: Path, fault: str

@@ -13,14 +13,14 @@ import pytest
 from microplan.executor.devices.errors import CODES
 from microplan.executor.devices.station import Station
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.simulated.cameras.quick_pictures import QuickPictures
 from microplan.executor.simulated.faults import FAULTS
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan
 from tests.executor.bench import Folder, assembly, quiet, world
-from tests.executor.pictures import remembered
 from tests.executor.recorder import Run, run
 from tests.executor.whole_runs.fault_ends import ENDS
+
+pytestmark = pytest.mark.usefixtures("one_render_a_state")
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "executor"
 # steps of the plan in which a device does something
@@ -59,15 +59,6 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Artifacts, Worl
     maker = Folder(tmp_path_factory.mktemp("matrix") / "gear.plan")
     plan = assembly(maker)
     return plan, Artifacts.from_folder(plan, maker.folder), quiet(world())
-
-
-@pytest.fixture(autouse=True)
-def _pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Render each true state once: runs differ by what goes wrong, not by what is so.
-
-    The noise of a frame is drawn afresh.
-    """
-    monkeypatch.setattr(QuickPictures, "image", remembered)
 
 
 def impatient(station: Station) -> Station:

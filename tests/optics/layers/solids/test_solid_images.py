@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -39,11 +41,14 @@ def seated(wall: float, finish: float, *, flat: bool = False) -> Scene:
     return Scene(layers=bodies, background=FLOOR, background_z_um=0.0)
 
 
+@cache  # tests ask for the same scenes, from several sides
 def image(scene: Scene, focus_um: float, lamp: float = LAMP) -> FloatArray:
     """Return the region."""
-    return render_coaxial(
+    found = render_coaxial(
         scene, OPTICS, focus_um=focus_um, lamp_aperture=lamp, window=WINDOW
     )
+    found.setflags(write=False)
+    return found
 
 
 def pixels(radii_um: tuple[float, ...]) -> list[tuple[int, int]]:
@@ -58,19 +63,32 @@ def pixels(radii_um: tuple[float, ...]) -> list[tuple[int, int]]:
 
 def traced(
     scene: Scene,
-    at: list[tuple[int, int]],
+    at: Sequence[tuple[int, int]],
     focus_um: float,
     floor_um: float = 0.0,
     lamp: float = LAMP,
 ) -> FloatArray:
     """Return what rays one by one see at pixels' centres."""
+    return _traced(scene, tuple(at), focus_um, floor_um, lamp)
+
+
+@cache
+def _traced(
+    scene: Scene,
+    at: tuple[tuple[int, int], ...],
+    focus_um: float,
+    floor_um: float,
+    lamp: float,
+) -> FloatArray:
     x, y = pixel_axes_um(OPTICS, WINDOW, (0.0, 0.0))
     points = np.array([(x[0] + x[1] * c, y[0] + y[1] * r) for r, c in at])
-    return seen(
+    found = seen(
         [prism(layer) for layer in scene.layers], (FLOOR, floor_um), points,
         aperture=OPTICS.aperture, lamp=lamp, focus_um=focus_um,
         rays=RAYS, rng=np.random.default_rng(5),
     )  # fmt: skip
+    found.setflags(write=False)
+    return found
 
 
 # away from edges in focus: the lens blurs those, and rays do not
