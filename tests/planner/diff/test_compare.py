@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -20,7 +21,13 @@ TEXT = GOLDEN.read_text(encoding="utf-8")
 Data = dict[str, Any]
 
 
-def plan(edit: Callable[[Data], object] = lambda data: None) -> Plan:
+@cache
+def golden() -> Plan:
+    """Return the golden plan."""
+    return parse_plan(TEXT)
+
+
+def plan(edit: Callable[[Data], object]) -> Plan:
     """Return the golden plan, edited."""
     data = json.loads(TEXT)
     edit(data)
@@ -49,7 +56,7 @@ def find(data: Data) -> Data:
 
 def changes(edit: Callable[[Data], object], *rules: str) -> list[PlanChange]:
     """Return what an edit of the golden plan changes."""
-    return list(compare_plans(plan(), plan(edit), [parse_rule(r) for r in rules]))
+    return list(compare_plans(golden(), plan(edit), [parse_rule(r) for r in rules]))
 
 
 def told(edit: Callable[[Data], object], *rules: str) -> list[tuple[str, str, str]]:
@@ -80,7 +87,7 @@ def test_steps_are_matched_by_id() -> None:
         data["steps"].insert(3, {**new, "id": "pause"})
 
     assert told(edit) == [("steps", "steps/pause", "added")]
-    found = compare_plans(plan(edit), plan())
+    found = compare_plans(plan(edit), golden())
     assert [(c.kind, c.where, c.says) for c in found] == [
         ("steps", "steps/pause", "removed")
     ]

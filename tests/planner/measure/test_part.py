@@ -19,6 +19,8 @@ from microplan.planner.measure.near import parse_near
 from microplan.planner.measure.part_series import part_series
 from microplan.planner.measure.part_task import PartCall, part_task
 from microplan.planner.source.diagnostics import CallError, Report
+from microplan.planner.store.memo import Memo
+from microplan.planner.store.store import Store, place
 from tests.planner.examples import EXAMPLE
 from tests.planner.measure.small_look import save
 
@@ -130,7 +132,8 @@ def test_python_finds_what_the_command_finds(
         magnification=ZOOM,
         near=parse_near("152px,117px,0"),
     )
-    (found,) = part_series(call).measured([file])
+    kept = Memo(Store(place()))  # where the command leaves what it compared
+    (found,) = part_series(call, memo=kept).measured([file])
     assert (found.x_um, found.y_um) == (one["x_um"], one["y_um"])
     with pytest.raises(ValueError, match="MP903: no target 'hole'"):
         part_series(PartCall(part=call.part, workcell=call.workcell, target="hole"))
