@@ -226,7 +226,8 @@ def _kind(rule: Rule, schema: Rule) -> str:
         return f"table of {plural}".replace("table of tables", "tables")
     if kinds == ["array"]:
         inner = rule["items"] if isinstance(rule.get("items"), dict) else None
-        inner = inner or next(iter(rule.get("prefixItems", [])), {})
+        # of a whole number and another one the latter: both are numbers
+        inner = inner or next(reversed(rule.get("prefixItems", [])), {})
         word = _kind(_full(inner, schema), schema)
         many = "names" if word == "one of" else _plural(word)
         count = _count(rule)

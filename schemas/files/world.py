@@ -179,6 +179,9 @@ class WorldOptics:
     discrepancy_edge: float = 0.0  # of the step at an edge
     discrepancy_flat: float = 0.0  # of the light, smooth
     discrepancy_pixel: float = 0.0  # of the picture's contrast, white
+    wavefront: tuple[tuple[int, float], ...] = ()  # Noll index, waves rms
+    halo_radius_um: float = 0.0  # one sigma
+    halo_share: float = 0.0  # of all light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
