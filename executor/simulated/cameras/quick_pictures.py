@@ -92,6 +92,10 @@ class QuickPictures:
             width_px=optics.width_px,
             height_px=height_px,
             fill_factor=optics.fill_factor,
+            wavefront=optics.wavefront,
+            halo=(optics.halo_radius_um, optics.halo_share)
+            if optics.halo_radius_um * optics.halo_share
+            else None,
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.imaging.imaging_view import (
+    Halo,
     ImagingView,
     LampLevel,
     PixelWindow,
@@ -70,6 +71,8 @@ class SolidPictures:
             shift_um=lens.shift_um,
             errors=lens.errors,
             lamp=lamp,
+            wavefront=optics.wavefront,
+            halo=Halo(radius_um=optics.halo_radius_um, share=optics.halo_share),
         )
 
 

@@ -1,4 +1,4 @@
-"""Images of solid bodies: rays through prisms, diffraction in focus, sensor noise.
+"""Images of solid bodies: rays through prisms, diffraction near focus, sensor noise.
 
 In: `SolidScene` (solids), `ImagingView` (imaging_view), a `PixelWindow`.
 Out: `photograph(scene, view, window)` (photograph): share of full scale, a float array

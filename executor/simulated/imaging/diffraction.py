@@ -8,8 +8,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from microplan.arrays import FloatArray, IntArray
-from microplan.executor.simulated.imaging.imaging_view import ImagingView, LampLevel
+from microplan.arrays import ComplexArray, FloatArray, IntArray
+from microplan.executor.simulated.imaging.imaging_view import (
+    Halo,
+    ImagingView,
+    LampLevel,
+)
+from microplan.executor.simulated.imaging.wavefront import lens_waves
 
 LEAST_TILE_UM = 90.0  # at A = .42 the pupil is 63 cells wide to each side
 TAPS = 8  # of the interpolation between fine samples
@@ -23,18 +28,20 @@ def point_spread(
 
     The pupil is sampled on the frequencies of the grid: inside the aperture the wave
     has the phase 2 pi z (sqrt(n**2 - (wavelength nu)**2) - n) / wavelength. Incoherent
-    light adds intensities.
+    light adds intensities. A wavefront error W enters as exp(2 pi i W) where a body
+    above the focus has a positive phase: here all phases are the negative of that, and
+    the pupil is turned by pi, which leaves intensities as they are.
 
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns of the grid, which is a periodic tile.
+        Rows and columns of the grid, which is a periodic tile; rows go up.
     step_um : float
         Between its points, at most wavelength / (4 A).
     view : ImagingView
-        Its aperture, wavelength and index.
+        Its aperture, wavelength, index and wavefront error.
     defocus_um : float
-        Height of the plane less the focus; the sign does not matter.
+        Height of the plane less the focus; the sign matters to a wavefront error only.
     """
     if step_um > view.wavelength_um / (4 * view.aperture):
         raise ValueError(f"a grid of {step_um} um aliases the image of a point")
@@ -47,6 +54,12 @@ def point_spread(
     n = view.medium_index
     path = -square / (np.sqrt(np.maximum(n**2 - square, 0.0)) + n)
     phase = 2 * math.pi * defocus_um / view.wavelength_um * path
+    if view.wavefront:
+        row, column = np.divmod(inside, shape[1])
+        scale = -view.wavelength_um / view.aperture
+        x, y = (scale * v[k].astype(float) for v, k in ((across, column), (down, row)))
+        waves = lens_waves(view, x, y)
+        phase = phase - 2 * math.pi * waves
     pupil = np.zeros(shape, dtype=np.complex64)
     pupil.ravel()[inside] = rim * np.exp(1j * phase)
     wave = np.fft.ifft2(pupil)
@@ -68,7 +81,9 @@ def blurred(
         As in `point_spread`; the view's pixels integrate over their area.
     """
     rows, columns = plane.shape
-    lens = replace(view, focus_um=0.0, shift_um=(0.0, 0.0), lamp=LampLevel())
+    lens = replace(
+        view, focus_um=0.0, shift_um=(0.0, 0.0), lamp=LampLevel(), halo=Halo()
+    )
     transfer = _transfer((rows, columns), step_um, lens, defocus_um)
     down = np.fft.fftfreq(rows, step_um)[:, None]
     across = np.fft.rfftfreq(columns, step_um)
@@ -83,7 +98,7 @@ def blurred(
 @lru_cache(maxsize=6)
 def _transfer(
     shape: tuple[int, int], step_um: float, view: ImagingView, defocus_um: float
-) -> FloatArray:
+) -> FloatArray | ComplexArray:
     """Return the transfer function on a tile's frequencies, from a tile large enough.
 
     The wave of a point is as periodic as its tile: it is taken from one on which it has
@@ -93,8 +108,8 @@ def _transfer(
     wide = (shape[0] * times[0], shape[1] * times[1])
     spread = point_spread(wide, step_um, view, defocus_um)
     folded = spread.reshape(times[0], shape[0], times[1], shape[1]).sum(axis=(0, 2))
-    transfer: FloatArray = np.fft.rfft2(folded).real
-    return transfer
+    transfer: ComplexArray = np.fft.rfft2(folded)
+    return transfer if view.wavefront else transfer.real  # even where there is none
 
 
 def between(image: FloatArray, column: FloatArray, row: FloatArray) -> FloatArray:

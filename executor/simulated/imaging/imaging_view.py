@@ -34,6 +34,18 @@ class TrueLensErrors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Halo:
+    """Light that the lens scatters around each point of the object, a Gaussian."""
+
+    radius_um: float = 0.0  # one sigma, in the object
+    share: float = 0.0  # of all light
+
+    def __post_init__(self) -> None:
+        if not (self.radius_um >= 0 and 0 <= self.share < 1):  # also refuses nan
+            raise ValueError(f"no halo has {self.radius_um} um and {self.share}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LampLevel:
     """Brightness level (1 + gradient_x x / width + gradient_y y / height), y up."""
 
@@ -59,6 +71,8 @@ class ImagingView:
     shift_um: tuple[float, float] = (0.0, 0.0)  # of the whole image, in the object
     errors: TrueLensErrors = TrueLensErrors()
     lamp: LampLevel = LampLevel()
+    wavefront: tuple[tuple[int, float], ...] = ()  # Noll's index, waves rms
+    halo: Halo = Halo()
 
     def __post_init__(self) -> None:
         if not 0 < self.aperture < self.medium_index:  # also refuses nan

@@ -19,7 +19,9 @@ from microplan.executor.simulated.imaging.field_map import (
     light_over,
     seen_at,
 )
+from microplan.executor.simulated.imaging.halo import halo_window, with_halo
 from microplan.executor.simulated.imaging.imaging_view import (
+    Halo,
     ImagingView,
     LampLevel,
     PixelWindow,
@@ -42,6 +44,7 @@ from microplan.executor.simulated.imaging.solids.solid_scene import (
     SolidScene,
     mapped,
 )
+from microplan.executor.simulated.imaging.wavefront import ray_shifts
 
 MERGE_UM = 1.0  # faces so near to the sharp plane are taken to be in it
 SHARP_UM = 0.3  # nearer to focus, rays through the focal plane say nothing new
@@ -85,7 +88,15 @@ def photograph(
     at = window or PixelWindow(
         row=0, column=0, rows=view.height_px, columns=view.width_px
     )
-    fine, image = sampling or RaySampling(), np.empty((at.rows, at.columns))
+    lit = halo_window(view, at)
+    return with_halo(_light(scene, view, lit, sampling or RaySampling()), view)
+
+
+def _light(
+    scene: SolidScene, view: ImagingView, at: PixelWindow, sampling: RaySampling
+) -> FloatArray:
+    """Return what falls on the pixels of a window without a halo."""
+    image = np.empty((at.rows, at.columns))
     for row in _pieces(at.rows):
         for column in _pieces(at.columns):
             tile = PixelWindow(
@@ -94,7 +105,7 @@ def photograph(
                 rows=row.stop - row.start,
                 columns=column.stop - column.start,
             )
-            image[row, column] = _tile(scene, view, tile, fine)
+            image[row, column] = _tile(scene, view, tile, sampling)
     return image * light_over(view, at)
 
 
@@ -156,18 +167,21 @@ class PhotographedScene:
         column, row = (
             (v - g[0]) / plane.step_um for v, g in ((x, plane.x_um), (y, plane.y_um))
         )
-        if abs(defocus_um) <= SHARP_UM:
-            seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
-            return between(seen, column, row)
         bodies = self._snapped(at_um).bodies
         ends = (min(focus_um, at_um), max(focus_um, at_um))
         crossing = tuple(
             b for b in bodies if b.bottom_um <= ends[0] and ends[1] < b.top_um
         )
+        plain = bool(crossing) or not view.wavefront
+        if abs(defocus_um) <= SHARP_UM and plain:
+            seen = blurred(plane.radiance, plane.step_um, view, defocus_um)
+            return between(seen, column, row)
         flat = plane.uncut if crossing else plane.radiance
         image = between(blurred(flat, plane.step_um, view, defocus_um), column, row)
-        rays = Refocused(plane, self._chief, blur_um, -defocus_um, crossing)
-        rest = blurred(rays.remainder(), plane.step_um, view, 0.0)
+        aside = None if plain else ray_shifts(view, plane.slopes)
+        rays = Refocused(plane, self._chief, blur_um, -defocus_um, crossing, aside)
+        lens = view if plain else replace(view, wavefront=())
+        rest = blurred(rays.remainder(), plane.step_um, lens, 0.0)
         px, py = pixels.x_um - self._middle[0], pixels.y_um - self._middle[1]
         column, row = (
             (v - g[0]) / plane.step_um for v, g in ((px, plane.x_um), (py, plane.y_um))
@@ -239,12 +253,14 @@ class PhotographedScene:
         fine, solids = self._sampling, self._snapped(sharp_um)
         count = int(np.clip(MOST_RAYS / points, fine.least_rays, fine.rays))
         if (sharp_um, count) not in self._pictures:
+            slopes = pupil_slopes(self._view, count, turn_rad=fine.turn_rad)
             self._pictures[sharp_um, count] = RayPicture(
                 solids=solids,
                 light=self._lights[sharp_um],
-                slopes=pupil_slopes(self._view, count, turn_rad=fine.turn_rad),
+                slopes=slopes,
                 spread=beam_spread(self._view, count),
                 chief=self._chief,
+                aside=ray_shifts(self._view, slopes) if sharp_um is None else None,
             )
         return self._pictures[sharp_um, count]
 
@@ -282,7 +298,9 @@ def _prepared(
 ) -> PhotographedScene:
     """Return a scene's planes and shading, from an earlier picture if there is one."""
     about_um = FOCUS_GRAIN_UM * round(view.focus_um / FOCUS_GRAIN_UM)
-    lasting = replace(view, focus_um=about_um, shift_um=(0.0, 0.0), lamp=LampLevel())
+    lasting = replace(
+        view, focus_um=about_um, shift_um=(0.0, 0.0), lamp=LampLevel(), halo=Halo()
+    )
     key = (scene, lasting, middle, sampling)
     if key not in _RECENT:
         _RECENT[key] = PhotographedScene(scene, lasting, middle, sampling)

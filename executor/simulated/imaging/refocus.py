@@ -32,6 +32,7 @@ class Refocused:
     blur_um: float  # radius of a point's blur
     drop_um: float  # from the focus down to the plane
     crossing: tuple[MappedBody, ...]  # bodies cut by both planes: in focus in both
+    aside: FloatArray | None = None  # (directions, 2) um past points; None: 0
 
     def remainder(self) -> FloatArray:
         """Return what rays see in focus less the plane's own blur.
@@ -68,7 +69,8 @@ class Refocused:
             ),
         )
         # a coarse point near an edge bends what lies between it and the next
-        wide_um = self.blur_um + 2 * lattice.spacing_um + coarse.spacing_um
+        aside_um = 0.0 if self.aside is None else float(np.abs(self.aside).max())
+        wide_um = self.blur_um + aside_um + 2 * lattice.spacing_um + coarse.spacing_um
         near = self._near_edges(px, py, wide_um) & reach
         cx, cy = coarse.points()
         base = self._at(*region.drawn_in(cx, cy)[:2]).reshape(
@@ -99,9 +101,11 @@ class Refocused:
         """Return the remainder at some points."""
         tilt_x, tilt_y = self.chief(x, y)
         drop = np.float32(self.drop_um)
+        along = drop * self.plane.slopes.astype(np.float32)
+        if self.aside is not None:
+            along += self.aside.astype(np.float32)
         qx, qy = (
-            (at + self.drop_um * tilt).astype(np.float32)[:, None]
-            + drop * self.plane.slopes[:, k].astype(np.float32)
+            (at + self.drop_um * tilt).astype(np.float32)[:, None] + along[:, k]
             for k, (at, tilt) in enumerate(((x, tilt_x), (y, tilt_y)))
         )
         cell = self.plane.cell(qx, qy)

@@ -42,10 +42,11 @@ class RayPicture:
     slopes: FloatArray  # (count, 2), through the pupil
     spread: float  # of a beam, um per um of height
     chief: Chief  # slopes of the middle ray at points
+    aside: FloatArray | None = None  # (count, 2) um past points of focus; None: 0
 
     def through(self, x: FloatArray, y: FloatArray, at_um: float) -> FloatArray:
         """Return mean radiance at points of a focal plane, (N,)."""
-        found = self._seen(x, y, lambda fan: self._ends(fan, at_um))
+        found = self._seen(x, y, lambda fan: self._ends(self._beside(fan), at_um))
         return np.concatenate([light.mean(axis=1, dtype=float) for light in found])
 
     def in_plane(
@@ -95,6 +96,13 @@ class RayPicture:
         sky_um = self.solids.sky_um
         start = beams_from(fan, meet_um - sky_um, self.spread)
         return pass_down(self.solids, start, (sky_um, to_um), meet_um, self.spread)
+
+    def _beside(self, fan: RayFan) -> RayFan:
+        """Return rays through points as a wavefront error lets them pass by."""
+        if self.aside is None:
+            return fan
+        aside = self.aside.astype(np.float32)[np.arange(len(fan)) % len(self.slopes)]
+        return replace(fan, x=fan.x + aside[:, 0], y=fan.y + aside[:, 1])
 
     def _ends(self, fan: RayFan, meet_um: float) -> list[FaceHits]:
         """Return where beams from the sky end."""
