@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+ABERRATIONS = range(5, 23)  # Noll's numbers: past defocus, as far as edges are sampled
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PixelWindow:
@@ -71,7 +73,7 @@ class ImagingView:
     shift_um: tuple[float, float] = (0.0, 0.0)  # of the whole image, in the object
     errors: TrueLensErrors = TrueLensErrors()
     lamp: LampLevel = LampLevel()
-    wavefront: tuple[tuple[int, float], ...] = ()  # Noll's index, waves rms
+    wavefront: tuple[tuple[int, float], ...] = ()  # Noll index, waves rms
     halo: Halo = Halo()
 
     def __post_init__(self) -> None:
@@ -80,6 +82,9 @@ class ImagingView:
         for name in ("wavelength_um", "magnification", "pitch_um", "fill_factor"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        for noll, waves in self.wavefront:
+            if not (noll in ABERRATIONS and math.isfinite(waves)):
+                raise ValueError(f"Noll {noll} of {waves} waves is no aberration here")
 
     @property
     def px_per_um(self) -> float:

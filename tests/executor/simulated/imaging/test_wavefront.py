@@ -263,3 +263,9 @@ def test_a_lens_tilts_by_where_it_shows_discs() -> None:
     np.testing.assert_allclose(
         lens_waves(lens, x, y) - bare, x * disc_um(lens)[0] / UNIT_UM, atol=1e-12
     )
+
+
+@pytest.mark.parametrize("term", [(4, 0.1), (23, 0.1), (8, math.nan)])
+def test_what_is_no_aberration_is_refused(term: tuple[int, float]) -> None:
+    with pytest.raises(ValueError, match="no aberration"):
+        aberrated(20.0, 0.0, (term,))
