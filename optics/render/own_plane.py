@@ -23,8 +23,10 @@ from microplan.optics.render.view_range import ImageView, Range
 from microplan.optics.transfer.lru import Recent
 from microplan.optics.transfer.microscope import Microscope
 
-_HELD_BYTES = 1 << 26  # of planes
-_WHOLE = 1 << 17  # samples of a plane that is made all over, wherever it is wanted
+_HELD_BYTES = 3 << 25  # of planes
+# Samples a side of planes that are made all over, wherever they are wanted; of bodies
+# beside the image, which sees other parts of them when they turn
+_WHOLE, _WHOLE_BESIDE = 384, 768
 _EVEN = 64  # samples: others end at whole multiples, areas nearly alike share planes
 _RIM = 12  # samples beyond: a spline's ends are felt by .27 a sample
 # A cubic through four heights errs most where the blur's rim passes an edge: heights
@@ -75,7 +77,12 @@ def plane_window(
     left, low, right, high = own_edges(setting.own).bounds_um
     across = _even((left - margin) / step, (right + margin) / step)
     down = _even((-high - margin) / step, (margin - low) / step)
-    if len(across) * len(down) > _WHOLE:
+    aside = math.hypot(
+        wanted.column + wanted.columns / 2 - (left + right) / 2 / step,
+        wanted.row + wanted.rows / 2 + (low + high) / 2 / step,
+    )
+    whole = _WHOLE if aside < wanted.columns / 2 else _WHOLE_BESIDE
+    if max(len(across), len(down)) > whole:
         seen = (_even(wanted.column, wanted.column + wanted.columns),
                 _even(wanted.row, wanted.row + wanted.rows))  # fmt: skip
         across, down = _common(across, seen[0]), _common(down, seen[1])
