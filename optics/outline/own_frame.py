@@ -16,7 +16,7 @@ from microplan.optics.outline.outline import Arc, Outline
 
 _ROUND = 5  # digits of um: what is moved back lies within 1e-9 um of itself
 _SEAM = 2.0  # rad: at -2 arcs' starts begin anew, where none of a drawing lies
-OwnEdges = tuple[tuple[float, ...], ...]  # rounded: segments of 4 numbers, arcs of 5
+OwnEdges = tuple[bytes, bytes]  # segments and arcs of `EdgeArrays`, rounded
 
 
 @lru_cache(maxsize=64)
@@ -36,19 +36,13 @@ def own_frame(outline: Outline) -> tuple[Point, Point, OwnEdges]:
     for points in (lines[:, :2], lines[:, 2:], arcs[:, :2]):
         points[:] = (points - origin) @ back
     arcs[:, 3] = (arcs[:, 3] - turn + _SEAM) % (2 * math.pi) - _SEAM
-    rows = [*np.round(lines, _ROUND).tolist(), *np.round(arcs, _ROUND).tolist()]
     # a rounded -0 is no other place
-    own = tuple(tuple(value + 0.0 for value in row) for row in rows)
-    return (c, s), first.start, own
+    own = tuple((np.round(each, _ROUND) + 0.0).tobytes() for each in (lines, arcs))
+    return (c, s), first.start, (own[0], own[1])
 
 
 @lru_cache(maxsize=64)
 def own_edges(own: OwnEdges) -> EdgeArrays:
     """Return the edges of `own_frame` as arrays, not to be changed."""
-    lines, arcs = (
-        np.array([row for row in own if len(row) == count]).reshape(-1, count)
-        for count in (4, 5)
-    )
-    for each in (lines, arcs):
-        each.setflags(write=False)
-    return EdgeArrays(segments=lines, arcs=arcs)
+    lines, arcs = (np.frombuffer(each) for each in own)
+    return EdgeArrays(segments=lines.reshape(-1, 4), arcs=arcs.reshape(-1, 5))
