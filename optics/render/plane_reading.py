@@ -1,29 +1,29 @@
 """Blurred layers of an image, read from planes in the outline's own frame.
 
-For the many images of a look: they differ in the layers' poses, a little in focus and
-zoom. A pixel is the mean of a plane's samples, squares themselves, at even points of
-the pixel; how the body's squares are turned against the pixels is not seen.
+For the many images of a look, which differ in the layers' poses, a little in focus and
+zoom: planes of few heights serve them all, and are kept. A pixel is the mean of samples
+at even points, each of a small square; how that is turned against it is not seen.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from scipy import ndimage
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.compiled import compiled
-from microplan.optics.outline.own_frame import own_frame
-from microplan.optics.render.own_plane import (
-    PlaneSetting,
-    nodes_um,
-    plane,
-    plane_window,
-)
+from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.own_frame import OwnEdges, own_edges, own_frame
 from microplan.optics.render.pixels import axis_px
-from microplan.optics.render.sampling import Sampling, band_cut
+from microplan.optics.render.sampling import Sampling, band_cut, margin_um
 from microplan.optics.render.scene import Layer, Window
+from microplan.optics.render.tiled_layer import make_part
+from microplan.optics.render.view_range import ImageView, Range
+from microplan.optics.transfer.lru import Recent
 from microplan.optics.transfer.microscope import Microscope
 
 _OCTAVE = 16  # pitches of planes: samples are within 2.2 % of the pixel, or its halves
@@ -33,6 +33,28 @@ _FINEST = 2  # halvings of the pixel
 _MOST, _MOST_ALIKE = 1 << 18, 1 << 19
 _POINT = 1e-6  # a pixel's light-sensitive share that makes it a point
 _TAPS = 4  # samples of a cubic
+_HELD_BYTES = 3 << 25  # of planes
+# Samples a side of planes that are made all over, wherever they are wanted; of bodies
+# beside the image, which sees other parts of them when they turn
+_WHOLE, _WHOLE_BESIDE = 384, 768
+_EVEN = 64  # samples: others end at whole multiples, areas nearly alike share planes
+_RIM = 12  # samples beyond: a spline's ends are felt by .27 a sample
+# A cubic through four heights errs most where the blur's rim passes an edge: heights
+# lie so many depths of field apart, or so much of their distance from the focus.
+_DEPTHS, _SHARE = 0.3, 0.025
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Planes:
+    """What planes of one layer share."""
+
+    own: OwnEdges
+    lens: Microscope  # with a pixel a sample, of an even pitch
+    model: str
+    sampling: Sampling
+
+
+_PLANES: Recent[Float32Array] = Recent(_HELD_BYTES, lambda found: found.nbytes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,12 +117,12 @@ def read_layer(
     if window.rows * window.columns << 2 * max(halvings, 0) > most:
         return None
     turn, origin_um, own = own_frame(layer.outline)
-    setting = PlaneSetting(own=own, lens=lens, model=model, sampling=_shared(sampling))
+    setting = _Planes(own=own, lens=lens, model=model, sampling=_shared(sampling))
     frame = (origin_um[0] + shift_um[0], origin_um[1] + shift_um[1])
     affine = _affine(microscope, window, turn, frame) / lens.um_per_px
     pixels = _Pixels(window=window, affine=affine)
     found = np.zeros((window.rows, window.columns))
-    held = plane_window(setting, max(heights), pixels.turned())
+    held = _held_window(setting, max(heights), pixels.turned())
     if held is None:
         return found
     rows, columns = _slices(pixels.read(), held)
@@ -108,7 +130,7 @@ def read_layer(
         return found
     spline = np.zeros((rows.stop - rows.start, columns.stop - columns.start), "f4")
     for z_um, weight in zip(heights, weights, strict=True):
-        spline += np.float32(weight) * plane(setting, z_um, held)[rows, columns]
+        spline += np.float32(weight) * _plane(setting, z_um, held)[rows, columns]
     affine[:, 0] -= (held.column + columns.start, held.row + rows.start)
     points = _points(microscope, lens, 1 << max(halvings, 0))
     _read(spline, affine, points, found)
@@ -117,7 +139,7 @@ def read_layer(
 
 def _heights(microscope: Microscope, z_um: float) -> tuple[list[float], list[float]]:
     """Return the heights of planes that count, um, and the weight of each."""
-    found = [pair for pair in zip(*nodes_um(microscope, z_um), strict=True) if pair[1]]
+    found = [pair for pair in zip(*_nodes_um(microscope, z_um), strict=True) if pair[1]]
     return [z_um for z_um, _ in found], [weight for _, weight in found]
 
 
@@ -193,6 +215,93 @@ def _points(microscope: Microscope, lens: Microscope, count: int) -> FloatArray:
     apart = math.sqrt((1 - sample**2) / (count**2 - 1))
     spread: FloatArray = apart * (np.arange(float(count)) - (count - 1) / 2)
     return spread
+
+
+def _nodes_um(lens: Microscope, z_um: float) -> tuple[list[float], list[float]]:
+    """Return four heights about a defocus z, um, and the weight of each [1].
+
+    Heights are even in asinh z; those below 0 are blurred as those above.
+    """
+    scale = _DEPTHS / _SHARE * lens.wave_depth_um
+    place = math.asinh(abs(z_um) / scale) / _SHARE
+    first = math.floor(place)
+    t = place - first
+    heights = [abs(scale * math.sinh(_SHARE * (first + k))) for k in (-1, 0, 1, 2)]
+    return heights, [
+        -t * (t - 1) * (t - 2) / 6,
+        (t + 1) * (t - 1) * (t - 2) / 2,
+        -(t + 1) * t * (t - 2) / 2,
+        (t + 1) * t * (t - 1) / 6,
+    ]
+
+
+def _held_window(setting: _Planes, most_um: float, wanted: Window) -> Window | None:
+    """Return the samples of planes up to a defocus, where they are wanted.
+
+    None where the layer is not seen. Column c and row r lie at (c, -r) steps.
+    """
+    step = setting.lens.um_per_px
+    margin = margin_um(setting.lens, most_um, setting.sampling.margin)
+    left, low, right, high = own_edges(setting.own).bounds_um
+    across = _even((left - margin) / step, (right + margin) / step)
+    down = _even((-high - margin) / step, (margin - low) / step)
+    aside = math.hypot(
+        wanted.column + wanted.columns / 2 - (left + right) / 2 / step,
+        wanted.row + wanted.rows / 2 + (low + high) / 2 / step,
+    )
+    whole = _WHOLE if aside < wanted.columns / 2 else _WHOLE_BESIDE
+    if max(len(across), len(down)) > whole:
+        seen = (_even(wanted.column, wanted.column + wanted.columns),
+                _even(wanted.row, wanted.row + wanted.rows))  # fmt: skip
+        across, down = _common(across, seen[0]), _common(down, seen[1])
+    if not across or not down:
+        return None
+    return Window(
+        column=across.start, row=down.start, columns=len(across), rows=len(down)
+    )
+
+
+def _even(low: float, high: float) -> range:
+    """Return samples all about two ends, to whole multiples."""
+    first = _EVEN * math.floor((low - _RIM) / _EVEN)
+    return range(first, _EVEN * math.ceil((high + _RIM) / _EVEN))
+
+
+def _common(one: range, other: range) -> range:
+    """Return the samples that are in both."""
+    return range(max(one.start, other.start), min(one.stop, other.stop))
+
+
+def _plane(setting: _Planes, z_um: float, window: Window) -> Float32Array:
+    """Return a layer `z_um` out of focus as a cubic spline's coefficients.
+
+    (rows, columns), 0..1 but for errors of band and margin.
+    """
+    key = (setting, z_um, window)
+    return _PLANES.get(key, partial(_blurred, setting, z_um, window))
+
+
+def _blurred(setting: _Planes, z_um: float, window: Window) -> Float32Array:
+    """Return a plane, not to be changed."""
+    part = make_part(
+        Layer(name="", outline=Outline(rings=()), z_um=z_um, reflectance=0.0),
+        own_edges(setting.own),
+        setting.lens,
+        reach=Range(focus_um=(0.0, 0.0)),
+        model=setting.model,
+        window=window,
+        sampling=setting.sampling,
+    )
+    found = np.zeros((window.rows, window.columns), dtype=np.float32)
+    view = ImageView(microscope=setting.lens, focus_um=0.0)
+    patch = None if part is None else part.patch(window, view)
+    if patch is not None:
+        found[patch.rows, patch.columns] = patch.coverage
+    spline: Float32Array = ndimage.spline_filter(
+        found, order=3, output=np.float32, mode="mirror"
+    )
+    spline.setflags(write=False)
+    return spline
 
 
 @compiled

@@ -10,7 +10,7 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Outline, place
-from microplan.optics.render import own_plane
+from microplan.optics.render import plane_reading
 from microplan.optics.render.plane_reading import read_layer
 from microplan.optics.render.render import cover
 from microplan.optics.render.sampling import BAND_ERROR, Sampling
@@ -109,8 +109,8 @@ def test_points_far_apart_are_read_as_pixels_are() -> None:
 
 def test_what_is_kept_changes_nothing() -> None:
     first = [both(*pose[:1], 140 + pose[1], pose[2])[0] for pose in poses(gear(), 4)]
-    own_plane._PLANES._held.clear()
-    own_plane._PLANES._bytes.clear()
+    plane_reading._PLANES._held.clear()
+    plane_reading._PLANES._bytes.clear()
     again = [
         both(*pose[:1], 140 + pose[1], pose[2])[0] for pose in poses(gear(), 4)[::-1]
     ]
@@ -119,11 +119,11 @@ def test_what_is_kept_changes_nothing() -> None:
 
 
 def test_a_body_that_only_moves_shares_planes() -> None:
-    own_plane._PLANES._held.clear()
-    own_plane._PLANES._bytes.clear()
+    plane_reading._PLANES._held.clear()
+    plane_reading._PLANES._bytes.clear()
     for turn in np.linspace(0, 6, 13):
         both(place(gear(), 4 * math.cos(turn), 3.0, turn), 140.0)
-    assert len(own_plane._PLANES._held) <= 4 * 4  # heights, windows
+    assert len(plane_reading._PLANES._held) <= 4 * 4  # heights, windows
 
 
 def test_planes_do_not_serve_lenses_that_are_not_round_nor_wide_sharp_images() -> None:
