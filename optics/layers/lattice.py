@@ -198,7 +198,7 @@ def _slopes(points: int) -> FloatArray:
 
 
 def continued(values: FloatArray) -> FloatArray:
-    """Return values of a lattice, (rows, columns), where some are nan: as the nearest.
+    """Return shares of a lattice, (rows, columns), where some are nan: as the nearest.
 
     0 if all are.
     """

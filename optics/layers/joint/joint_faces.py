@@ -34,7 +34,9 @@ class JointFace:
 
 
 def laid(layers: Sequence[Layer], points: Lattice) -> tuple[Float32Array, Float32Array]:
-    """Return what layers of one height cover at points, and send: two (rows, columns).
+    """Return shares that layers of one height cover at points, and send.
+
+    Two (rows, columns) arrays, 0..1.
 
     Where they overlap, one lies over the other.
     """
@@ -66,7 +68,8 @@ class MetFace:
         """Return what rays from the points of a lattice meet of a face.
 
         What it leaves free, sends, its light; of a mirror also what it sends without
-        light, and what each image leaves free. `rays`: tangents with the axis, (R, 2).
+        light, and what each image leaves free: shares. `rays`: tangents with the axis,
+        (R, 2), um aside a um of height.
         """
         face, places = _on(face, rays, lattice)
         light = _ONE if face.light is None else face.light
@@ -145,7 +148,7 @@ def _numbers(face: MetFace, first: int) -> tuple[int, ...]:
 def composite(
     faces: Sequence[MetFace], parts: Sequence[Sequence[FloatArray]]
 ) -> list[FloatArray]:
-    """Return what is seen of faces that lie over each other, (rows, columns) each.
+    """Return shares of full scale seen of faces over each other, (rows, columns) each.
 
     The lowest first; parts are means of the faces' fields. Below all that is sharp, of
     each sharp face, above.
@@ -179,7 +182,7 @@ def _mirrored_too(
 
 
 def varies(values: Float32Array) -> bool:
-    """Return whether not all values are equal."""
+    """Return whether not all values (rows, columns), shares, are equal."""
     return bool(values.min() < values.max())
 
 

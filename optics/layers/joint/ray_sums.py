@@ -35,7 +35,7 @@ def ray_sums(
     Parameters
     ----------
     values : (M,) float32 array
-        All fields one after the other, rows down.
+        All fields one after the other, rows down, shares of full scale.
     fields : (F, 3) int array
         Where each begins, its columns, its place.
     down, right : (K, R) float64 array

@@ -59,7 +59,7 @@ class FirstMet:
         return reached
 
     def some(self, points: IntArray) -> FirstMet:
-        """Return where the rays of some points do, (K,) numbers."""
+        """Return where the rays of some points do, (K,) indices."""
         return FirstMet(z_um=self.z_um[points], walls=self.walls[points])
 
 

@@ -21,11 +21,11 @@ class Sight:
     _held: dict[Hashable, Float32Array] = field(default_factory=dict)
 
     def covers(self, body: ThickBody) -> Float32Array:
-        """Return what a body's top covers of rays, (points, slopes), 0..1."""
+        """Return what a body's top covers of rays, (N, M) 0..1: points, slopes."""
         return self._kept(body, lambda: covers(body, self.rays, self.soft))
 
     def hides(self, body: ThickBody, to_um: float) -> Float32Array:
-        """Return what a body hides of rays down to a height, (points, slopes), 0..1."""
+        """Return what a body hides of rays down to a height, (N, M) 0..1."""
 
         def found() -> Float32Array:
             top_um = body.top_um
@@ -34,7 +34,7 @@ class Sight:
         return self._kept((body, to_um), found)
 
     def sent(self, sends: SentLight, z_um: float) -> Float32Array:
-        """Return what is sent to rays where they meet a height, (points, slopes)."""
+        """Return shares sent to rays where they meet a height, (N, M) 0..1."""
         table = sends.table
         if table is None:
             return sends(*self.rays.at(z_um))

@@ -44,11 +44,11 @@ class Rays:
     reach: float = 1.0
 
     def some(self, points: IntArray) -> Rays:
-        """Return the rays of some points, (K,) numbers."""
+        """Return the rays of some points, (K,) indices."""
         return replace(self, x_um=self.x_um[points], y_um=self.y_um[points])
 
     def with_some(self, points: IntArray, others: Rays) -> Rays:
-        """Return the rays with those of some points, (K,) numbers, replaced."""
+        """Return the rays with those of some points, (K,) indices, replaced."""
         x, y = self.x_um.copy(), self.y_um.copy()
         x[points], y[points] = others.x_um, others.y_um
         return replace(self, x_um=x, y_um=y)
@@ -60,12 +60,12 @@ class Rays:
 
     @property
     def first(self) -> tuple[Float32Array, Float32Array]:
-        """Return where the first ray of each point starts, (points,) um each."""
+        """Return where the first ray of each point starts, (N,) um each."""
         return self.x_um[:, 0], self.y_um[:, 0]
 
     @property
     def apart_um(self) -> Float32Array:
-        """Return how far from a point's first ray others start at most, (points,)."""
+        """Return how far from a point's first ray others start at most, (N,) um."""
         x, y = self.x_um - self.x_um[:, :1], self.y_um - self.y_um[:, :1]
         found: Float32Array = np.sqrt((x * x + y * y).max(axis=1))
         return found
@@ -109,7 +109,7 @@ def rays_of(points_um: FloatArray, tangents: FloatArray) -> Rays:
 
 
 def covers(body: ThickBody, rays: Rays, soft: float) -> Float32Array:
-    """Return what a body's top covers of rays, (points, slopes), 0..1.
+    """Return what a body's top covers of N rays of M slopes, (N, M) 0..1.
 
     A ray stands for its share of the pupil: it is `soft` um wide for each um of
     height, and one um more.
@@ -121,7 +121,7 @@ def covers(body: ThickBody, rays: Rays, soft: float) -> Float32Array:
 def hides(
     body: ThickBody, rays: Rays, soft: float, *, from_um: float, to_um: float
 ) -> Float32Array:
-    """Return what a body hides of rays between two heights, (points, slopes), 0..1.
+    """Return what a body hides of N rays of M slopes between two heights, (N, M) 0..1.
 
     Of a sharp body, which is met at `from_um`, only what rays approach: those that
     leave through its edge do not meet the wall there.

@@ -110,7 +110,7 @@ def imaged_um(case: LookCase, ready: PreparedRoutines, terms: Terms) -> np.ndarr
         (outcome,) = measure_picture(case, ready, trial, picture)
         assert outcome.target_um is not None, outcome
         found.append(outcome.target_um)
-    return np.mean(found, axis=0)
+    return np.asarray(np.mean(found, axis=0))
 
 
 @pytest.mark.parametrize("off_um", [0.0, 3.0])
