@@ -225,14 +225,15 @@ def test_a_ray_passes_by_as_the_wavefront_slopes() -> None:
     assert ray_shifts(view(20.0, 0.0), np.zeros((1, 2))) is None
 
 
-def test_a_face_that_half_the_pupil_sees_is_shown_aside() -> None:
+@pytest.mark.parametrize("focus_um", [1.0, -3.0, 6.0])
+def test_a_face_that_half_the_pupil_sees_is_shown_aside(focus_um: float) -> None:
     """A black body high above hides one half: what moves is the other half's mean."""
     made = (
         body([circle(0, 0, 4)], 0.0, 1.0, 0.9),
         body([box(0, -300, 300, 300)], 100.0, 101.0, 0.0),
     )
     window = PixelWindow(row=200, column=280, rows=80, columns=80)
-    lens = aberrated(20.0, 1.0, ((6, 0.1),))
+    lens = aberrated(20.0, focus_um, ((6, 0.1),))
     fine = RaySampling(plane_spacing_um=1.0)  # light by direction, on a disc of 4 um
     light = [
         photograph(scene(*made, stage=0.0), each, window, sampling=fine)
