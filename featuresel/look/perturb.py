@@ -166,7 +166,9 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
 
 
 def as_tried(case: LookCase) -> LookCase:
-    """Return a look sampled as its trials are."""
+    """Return a look sampled as its trials are, where these draw surfaces."""
+    if not case.surfaces:
+        return case
     return replace(case, sampling=sampling_at(case, case.focus_um, RAYS))
 
 
