@@ -33,6 +33,7 @@ _FINEST = 2  # halvings of the pixel
 _MOST, _MOST_ALIKE = 1 << 18, 1 << 19
 _POINT = 1e-6  # a pixel's light-sensitive share that makes it a point
 _TAPS = 4  # samples of a cubic
+_SHARP = 2.0  # depths of field within which errors are several times as large
 _HELD_BYTES = 3 << 25  # of planes
 # Samples a side of planes that are made all over, wherever they are wanted; of bodies
 # beside the image, which sees other parts of them when they turn
@@ -101,14 +102,18 @@ def read_layer(
     """Return a layer blurred at the pixels of a window, (rows, columns), 0..1.
 
     Arguments as in `microplan.optics.render.render.render`. None where planes would
-    take longer or do not serve: lenses with a wavefront error, pixels with gaps.
+    take longer or do not serve: layers near focus, of which routines read every
+    thousandth; lenses with a wavefront error or a halo, pixels with gaps.
 
     Notes
     -----
     The result hangs on the arguments alone, not on the planes that are kept. It differs
     from that of a transform by less than the band error of either (tested).
     """
-    heights, weights = _heights(microscope, layer.z_um - focus_um)
+    z_um = layer.z_um - focus_um
+    if abs(z_um) < _SHARP * microscope.wave_depth_um:
+        return None
+    heights, weights = _heights(microscope, z_um)
     fit = _lens(microscope, model, min(heights), sampling)
     if fit is None or not layer.outline.rings:
         return None
@@ -152,7 +157,7 @@ def _lens(
     """
     m = replace(microscope, magnification=1.0, width_px=1, height_px=1)
     is_point = m.fill_factor < _POINT
-    if m.wavefront or not (is_point or m.fill_factor == 1):
+    if m.wavefront or m.halo or not (is_point or m.fill_factor == 1):
         return None
     octave = round(_OCTAVE * math.log2(microscope.um_per_px)) / _OCTAVE
     lens = replace(m, pitch_um=2.0**octave)

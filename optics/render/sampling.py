@@ -161,9 +161,11 @@ class Sampling:
 def margin_um(microscope: Microscope, z_um: float, margin: float = MARGIN) -> float:
     """Return how far light spreads sideways from a layer `z_um` out of focus, um.
 
-    The radius of the marginal ray's blur circle, and `margin` wavelengths over A.
+    The radius of the marginal ray's blur circle, and `margin` wavelengths over A, or
+    all of a halo if that is wider.
     """
     tail = margin * microscope.wavelength_um / microscope.aperture
+    tail = max(tail, microscope.halo_reach_um)
     return microscope.blur_diameter_um(z_um) / 2 + tail
 
 

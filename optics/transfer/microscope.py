@@ -80,6 +80,11 @@ class Microscope:
         )
 
     @property
+    def halo_reach_um(self) -> float:
+        """Return the radius that holds all but .2 % of a halo, um, 0 without one."""
+        return 0.0 if self.halo is None else 3.5 * self.halo[0]
+
+    @property
     def field_um(self) -> tuple[float, float]:
         """Return (width, height) of the field of view, um."""
         return (self.width_px * self.um_per_px, self.height_px * self.um_per_px)

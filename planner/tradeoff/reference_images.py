@@ -65,7 +65,8 @@ def exact_reference(seen: ReferenceView, margin: float) -> ReferenceImages:
         Of one layer, and if that does not take minutes, by the closed form of
         `microplan.optics.oracle`; else by all of the band and twice the margin.
     """
-    if len(seen.scene.layers) == 1:
+    lens = seen.microscope
+    if len(seen.scene.layers) == 1 and not lens.wavefront and lens.halo is None:
         (layer,) = seen.scene.layers
         depths = [layer.z_um - z for z in seen.focus_um]
         oracle = Oracle.of(

@@ -209,7 +209,7 @@ def _on(
     The lattice is grown by as far as rays go aside.
     """
     at = face.z_um / lattice.step_um * rays.T * np.array([[1.0], [-1.0]])
-    by = math.floor(np.abs(at).max()) + 1
+    by = math.floor(np.abs(at).max()) + 2  # a point is left where places are between
     wide = lattice.grown(by)
     light = None if face.light is None else _read(face.light, face.lattice, wide)
     covers, sends = (

@@ -18,7 +18,8 @@ class Sight:
 
     rays: Rays
     soft: float  # width of a ray a um of height
-    _held: dict[Hashable, Float32Array] = field(default_factory=dict)
+    # with what the keys name by their identity, so that this stays theirs
+    _held: dict[Hashable, tuple[object, Float32Array]] = field(default_factory=dict)
 
     def covers(self, body: ThickBody) -> Float32Array:
         """Return what a body's top covers of rays, (N, M) 0..1: points, slopes."""
@@ -38,11 +39,15 @@ class Sight:
         table = sends.table
         if table is None:
             return sends(*self.rays.at(z_um))
-        share = self._kept((id(table), z_um), lambda: table.at(*self.rays.at(z_um)))
+        share = self._kept(
+            (id(table), z_um), lambda: table.at(*self.rays.at(z_um)), table
+        )
         return np.float32(sends.dull) * share
 
-    def _kept(self, key: Hashable, find: Callable[[], Float32Array]) -> Float32Array:
+    def _kept(
+        self, key: Hashable, find: Callable[[], Float32Array], named: object = None
+    ) -> Float32Array:
         """Return what was found before, or find it."""
         if key not in self._held:
-            self._held[key] = find()
-        return self._held[key]
+            self._held[key] = named, find()
+        return self._held[key][1]

@@ -122,7 +122,8 @@ def _profile(
 ) -> FloatArray | None:
     """Return the profile in one image, (L,)."""
     case: LookCase = points.case
-    scope = replace(case.microscope, aperture=aperture)
+    # profiles are even in the defocus, as through a lens without wavefront error
+    scope = replace(case.microscope, aperture=aperture, wavefront=())
     seen = replace(case, microscope=scope, model="exact", sampling=Sampling())
     x_um, y_um, turn = pose
     image = nominal_render(seen)(dx_um=x_um, dy_um=y_um, theta_rad=turn, dz_um=z_um)

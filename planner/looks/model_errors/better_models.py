@@ -139,7 +139,8 @@ def _exact(case: LookCase, effects: Collection[str]) -> BetterModel:
 
 def _vectorial(case: LookCase) -> BetterModel:
     """Return the look by a vectorial field, as a sum of two scalar ones."""
-    plain = flat(as_tried(case))
+    # terms in waves belong to the whole pupil
+    plain = _seen_by(flat(as_tried(case)), wavefront=(), halo=None)
     scope = plain.microscope
     inner = replace(scope, aperture=_INNER * scope.aperture)
     weight = inner_weight(scope.aperture / scope.medium_index)
@@ -170,7 +171,7 @@ def _coloured(case: LookCase) -> BetterModel:
     plain, mean = _blended(case), case.microscope.wavelength_um
     colours = (mean * (1 + FLAT_BAND / 2 * nodes)).tolist()
     cases = tuple(
-        (float(weight) / 2, _seen_by(plain, wavelength_um=colour))
+        (float(weight) / 2, _in_colour(plain, colour))
         for colour, weight in zip(colours, weights, strict=True)
     )
     return BetterModel(
@@ -179,6 +180,14 @@ def _coloured(case: LookCase) -> BetterModel:
         ends=(ImageModel(cases=cases),),
         against=plain,
     )
+
+
+def _in_colour(case: LookCase, wavelength_um: float) -> LookCase:
+    """Return a look in another colour; the lens' error in um is the same."""
+    scope = case.microscope
+    waves = scope.wavelength_um / wavelength_um
+    terms = tuple((noll, waves * rms) for noll, rms in scope.wavefront)
+    return _seen_by(case, wavelength_um=wavelength_um, wavefront=terms)
 
 
 def _unstated(case: LookCase, stated: WavefrontSpec) -> BetterModel:

@@ -58,7 +58,8 @@ def seen_um(layer: Layer, microscope: Microscope, focus_um: float) -> float:
         layer.z_um if layer.underside_um is None else layer.underside_um,
     )
     blur_um = max(abs(z_um - focus_um) for z_um in ends) * marginal_slope(microscope)
-    return blur_um + 20 * microscope.wavelength_um / microscope.aperture
+    tail_um = 20 * microscope.wavelength_um / microscope.aperture
+    return blur_um + max(tail_um, microscope.halo_reach_um)
 
 
 def marginal_slope(microscope: Microscope) -> float:
