@@ -73,9 +73,8 @@ class _Pixels:
         places = ends @ self.affine.T
         low, high = np.floor(places.min(axis=0)) - 2, np.ceil(places.max(axis=0)) + 3
         (column, row), (columns, rows) = low.tolist(), (high - low).tolist()
-        return Window(
-            column=int(column), row=int(row), columns=int(columns), rows=int(rows)
-        )
+        sizes = {"columns": int(columns), "rows": int(rows)}
+        return Window(column=int(column), row=int(row), **sizes)
 
     def turned(self) -> Window:
         """Return what they read however they are turned about their middle."""
@@ -102,8 +101,8 @@ def read_layer(
     """Return a layer blurred at the pixels of a window, (rows, columns), 0..1.
 
     Arguments as in `microplan.optics.render.render.render`. None where planes would
-    take longer or do not serve: layers near focus, of which routines read every
-    thousandth; lenses with a wavefront error or a halo, pixels with gaps.
+    take longer or do not serve: layers near focus, lenses with a wavefront error or a
+    halo, pixels with gaps.
 
     Notes
     -----
@@ -111,10 +110,9 @@ def read_layer(
     from that of a transform by less than the band error of either (tested).
     """
     z_um = layer.z_um - focus_um
-    if abs(z_um) < _SHARP * microscope.wave_depth_um:
-        return None
     heights, weights = _heights(microscope, z_um)
-    fit = _lens(microscope, model, min(heights), sampling)
+    is_sharp = abs(z_um) < _SHARP * microscope.wave_depth_um
+    fit = None if is_sharp else _lens(microscope, model, min(heights), sampling)
     if fit is None or not layer.outline.rings:
         return None
     lens, halvings = fit

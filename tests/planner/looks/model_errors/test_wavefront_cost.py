@@ -123,8 +123,8 @@ def test_trials_through_a_stated_lens_move_answers_as_twins_do(off_um: float) ->
         moved = answer_um(case, ready, terms) - plain[0]
         found = imaged_um(case, ready, terms) - plain[1]
         np.testing.assert_allclose(found, moved, rtol=0, atol=0.002)
-        if terms == COMA and off_um > 0:
-            assert np.linalg.norm(moved) > 0.01
+        if off_um > 0:
+            assert np.linalg.norm(moved) > 0.005
 
 
 def test_what_is_not_known_is_paid_in_proportion_to_its_total() -> None:
