@@ -29,8 +29,7 @@ from microplan.optics.transfer.microscope import Microscope
 _OCTAVE = 16  # pitches of planes: samples are within 2.2 % of the pixel, or its halves
 _BAND = 0.45  # cycles a sample at most: above, a cubic spline follows nothing
 _FINEST = 2  # halvings of the pixel
-# Points of an image: planes of more fill the memory, heights that vary needing many.
-_MOST, _MOST_ALIKE = 1 << 18, 1 << 19
+_MOST, _MOST_ALIKE = 1 << 18, 1 << 19  # points of an image: a limit to memory
 _POINT = 1e-6  # a pixel's light-sensitive share that makes it a point
 _TAPS = 4  # samples of a cubic
 _SHARP = 2.0  # depths of field within which errors are several times as large
@@ -72,9 +71,9 @@ class _Pixels:
         ends = np.array([(1, x, y) for x in (-1, w.columns) for y in (-1, w.rows)])
         places = ends @ self.affine.T
         low, high = np.floor(places.min(axis=0)) - 2, np.ceil(places.max(axis=0)) + 3
-        (column, row), (columns, rows) = low.tolist(), (high - low).tolist()
-        sizes = {"columns": int(columns), "rows": int(rows)}
-        return Window(column=int(column), row=int(row), **sizes)
+        ends = np.stack([low, high - low]).astype(int).tolist()
+        (column, row), (columns, rows) = ends
+        return Window(column=column, row=row, columns=columns, rows=rows)
 
     def turned(self) -> Window:
         """Return what they read however they are turned about their middle."""
