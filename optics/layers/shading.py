@@ -30,7 +30,7 @@ from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.layer_blending import blend_layers, light_up
 from microplan.optics.render.render import Covered, cover, render
-from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.sampling import ROUGH, Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
@@ -40,7 +40,6 @@ from microplan.optics.transfer.microscope import Microscope
 SHADED_ERROR = 0.014
 _USUAL = Sampling()
 _PROBES = 64  # large pixels a side
-_ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)
 
 
 def render_coaxial(
@@ -219,7 +218,7 @@ def _with_images(
     mirrors = {layer.z_um for layer in layers if layer.finish > 0}
     found = dict(faces)
     if sampling.rays < 1:  # bodies in mirrors are far out of focus as a rule
-        sampling = replace(_ROUGH, planes=sampling.planes)
+        sampling = replace(ROUGH, planes=sampling.planes)
     for z_um in mirrors & found.keys():
         images = mirror_images(layers, z_um)
         share = free_of_images(
@@ -310,7 +309,7 @@ def _shading_change(
         focus_um=focus_um,
         window=cut,
         shift_um=shift_um,
-        sampling=_ROUGH,
+        sampling=ROUGH,
     )
     bare = replace(scene, layers=())
     shaded = render_coaxial(

@@ -30,7 +30,7 @@ from microplan.optics.layers.solids.view_change import (
 )
 from microplan.optics.outline.clip import grown
 from microplan.optics.render.render import Covered, cover
-from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.sampling import ROUGH, Sampling
 from microplan.optics.render.scene import Layer, Scene
 
 # Walls are traced from points this far apart, but from at most so many a side, and
@@ -40,9 +40,7 @@ _FINE_UM, _FINE_MOST = 1.0, 120
 _MIRRORED_UM, _MIRRORED_MOST = 1.5, 200
 _TABLE_UM, _TABLE_MOST = 2.0, 120
 
-# of what bodies cut of the plane in focus, with all rays and with few
-_USUAL = Sampling()
-_ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)
+_USUAL = Sampling()  # of what bodies cut of the plane in focus, with all rays
 
 # The light on a height, world um, all over an area, um
 FarLight = Callable[[float, Area], LightTable]
@@ -199,7 +197,7 @@ def _cut(
         sections, view.microscope, focus_um=view.focus_um, model=view.model,
         window=view.frame, shift_um=view.shift_um,
         sampling=replace(
-            _USUAL if view.rays >= 1 else _ROUGH, planes=view.planes
+            _USUAL if view.rays >= 1 else ROUGH, planes=view.planes
         ),
     )  # fmt: skip
     free = 1 - sum((share for _, share in sharp), np.zeros(()))

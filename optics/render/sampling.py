@@ -158,6 +158,10 @@ class Sampling:
             raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
+# of layers that only images of few rays have: as rough as these
+ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)
+
+
 def margin_um(microscope: Microscope, z_um: float, margin: float = MARGIN) -> float:
     """Return how far light spreads sideways from a layer `z_um` out of focus, um.
 

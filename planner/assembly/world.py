@@ -267,7 +267,7 @@ def _optics(task: Task) -> WorldOptics:
     optics, camera = task.workcell.optics, task.workcell.camera
     lens = optics.lens  # each cell draws its own of what is unknown
     lateral = (lens.lateral_x, lens.lateral_y)
-    terms, halo = optics.wavefront.terms or (), optics.halo
+    halo = optics.halo
     return _of(
         WorldOptics,
         optics,
@@ -288,7 +288,7 @@ def _optics(task: Task) -> WorldOptics:
         discrepancy_edge=task.workcell.discrepancy.edge,
         discrepancy_flat=task.workcell.discrepancy.flat,
         discrepancy_pixel=task.workcell.discrepancy.pixel,
-        wavefront=tuple((term.noll, term.waves) for term in terms),
+        wavefront=optics.wavefront.known,
         halo_radius_um=0.0 if halo is None else halo.radius_um,
         halo_share=0.0 if halo is None else halo.share,
     )

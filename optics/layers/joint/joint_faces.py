@@ -36,9 +36,7 @@ class JointFace:
 def laid(layers: Sequence[Layer], points: Lattice) -> tuple[Float32Array, Float32Array]:
     """Return shares that layers of one height cover at points, and send.
 
-    Two (rows, columns) arrays, 0..1.
-
-    Where they overlap, one lies over the other.
+    Two (rows, columns) arrays, 0..1. Where they overlap, one lies over the other.
     """
     covers = sends = np.zeros(points.shape, dtype=np.float32)
     for number, layer in enumerate(layers):
