@@ -12,7 +12,6 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
 from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
-from microplan.optics.render.plane_reading import read_layer
 from microplan.optics.render.prepared_scene import prepare
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
@@ -151,6 +150,10 @@ def _covered(
     """Return one layer blurred."""
     coverage = None
     if sampling.planes:
+        from microplan.optics.render.plane_reading import (  # loads a compiler
+            read_layer,
+        )
+
         coverage = read_layer(
             layer, microscope, focus_um=focus_um, model=model, window=frame,
             shift_um=shift_um, sampling=sampling,
