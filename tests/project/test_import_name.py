@@ -46,6 +46,15 @@ def test_importing_the_package_loads_nothing_else() -> None:
     assert _printed(code, ROOT) == "['microplan']"
 
 
+@pytest.mark.parametrize(
+    "module",
+    ["optics.light.lit_image", "featuresel.trials.trials", "planner.plan.compiler"],
+)
+def test_a_compiler_is_loaded_only_where_compiled_loops_are_called(module: str) -> None:
+    code = f"import microplan.{module}; print('numba' in sys.modules)"
+    assert _printed(code, ROOT) == "False"
+
+
 @pytest.mark.parametrize("links", ["none", "text"])
 def test_without_links_the_folders_beside_it_are_found(
     links: str, tmp_path: Path
