@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
+from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trials import PreparedRoutines
+from microplan.optics.outline.tolerant_order import above
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.model_errors.better_models import BetterModel
@@ -17,8 +19,11 @@ from microplan.planner.looks.model_errors.model_cost import (
     effect_difference,
 )
 from microplan.planner.looks.model_errors.pair_pictures import PairPictures
-from microplan.planner.looks.model_errors.used_poses import SPARE, used_poses
+from microplan.planner.looks.model_errors.used_poses import LEAST, SPARE, used_poses
 
+# Share of a tolerance: where Student's part of a half-width is less, more poses than
+# the least would change nothing that matters
+_DOUBT = 0.02
 # by each better model, or why that is open
 Differences = Mapping[Chain, tuple[EffectDifference, ...] | str]
 
@@ -29,29 +34,50 @@ class DifferenceMeter:
 
     problem: LookProblem
     models: tuple[BetterModel, ...]
-    pictures: PairPictures = field(default_factory=PairPictures)
+    # by the models that they are of
+    pictures: dict[tuple[int, ...], PairPictures] = field(default_factory=dict)
 
     def differences(self, tried: Evaluation, chains: Sequence[Chain]) -> Differences:
         """Return what each model changes of each chain's answers, or why that is open.
 
-        Where too few pairs are answered, more poses are tried.
+        All models are tried at the least number of poses, those at all of them whose
+        half-widths matter. Where too few pairs are answered, more poses are tried.
         """
         if not chains:
             return {}
-        count = self.problem.context.effort.pairs
-        answers = self._answers(tried, chains, slice(0, count))
-        found = _by_chain(self.models, chains, answers)
-        if any(isinstance(each, str) and WRONG not in each for each in found.values()):
-            more = slice(count, count + SPARE)
-            answers += self._answers(tried, chains, more)
-            found = _by_chain(self.models, chains, answers)
-        return found
+        count, case = self.problem.context.effort.pairs, tried.case
+        answers = self._answers(tried, chains, slice(0, LEAST), range(len(self.models)))
+        open_ = [
+            number
+            for number, each in self._found(chains, answers)
+            if _is_doubtful(each, case)
+        ]
+        answers += self._answers(tried, chains, slice(LEAST, count), open_)
+        few = [
+            number for number, each in self._found(chains, answers) if _is_short(each)
+        ]
+        answers += self._answers(tried, chains, slice(count, count + SPARE), few)
+        return _by_chain(self.models, chains, answers)
+
+    def _found(
+        self, chains: Sequence[Chain], answers: Sequence[PairedAnswer]
+    ) -> Iterator[tuple[int, EffectDifference | str]]:
+        """Yield what each model changes of each chain's answers, with its number."""
+        for number, model in enumerate(self.models):
+            for chain in chains:
+                own = [a for a in answers if (a.chain, a.model) == (chain, number)]
+                yield number, effect_difference(model, own)
 
     def _answers(
-        self, tried: Evaluation, chains: Sequence[Chain], which: slice
+        self,
+        tried: Evaluation,
+        chains: Sequence[Chain],
+        which: slice,
+        models: Sequence[int],
     ) -> tuple[PairedAnswer, ...]:
         """Return what chains say of pairs of images at some of the poses."""
         context, request = self.problem.context, self.problem.request
+        numbers = tuple(dict.fromkeys(models))
         names = sorted({name for chain in chains for name in chain})
         artifacts = tried.comparison.prepared.artifacts
         poses = used_poses(
@@ -59,19 +85,41 @@ class DifferenceMeter:
             request.used_within_um,
             count=context.effort.pairs + SPARE,
             root_seed=self.problem.task.seed,
-        )
-        return context.memo.call(
+        )[which]
+        if not (numbers and poses):
+            return ()
+        found: tuple[PairedAnswer, ...] = context.memo.call(
             image_pairs,
             tried.case,
             PreparedRoutines(
                 chains=tuple(chains),
                 artifacts={name: artifacts[name] for name in names},
             ),
-            self.models,
-            poses[which],
+            tuple(self.models[number] for number in numbers),
+            poses,
             map=context.map,
-            known=self.pictures,
+            known=self.pictures.setdefault(numbers, PairPictures()),
         )
+        return tuple(replace(each, model=numbers[each.model]) for each in found)
+
+
+def _is_short(found: EffectDifference | str) -> bool:
+    """Return whether too few pairs were answered: more poses may help."""
+    return isinstance(found, str) and WRONG not in found
+
+
+def _is_doubtful(found: EffectDifference | str, case: LookCase) -> bool:
+    """Return whether more poses would make a half-width smaller by what matters."""
+    if isinstance(found, str):
+        return _is_short(found)
+    place, turn = found.place, found.turn
+    doubt_um = (place.half_width - place.interval).max()
+    if above(float(doubt_um), _DOUBT * case.tolerance_um):
+        return True
+    if turn is None or case.tolerance_theta_rad is None:
+        return False
+    doubt_rad = (turn.half_width - turn.interval).max()
+    return above(float(doubt_rad), _DOUBT * case.tolerance_theta_rad)
 
 
 def _by_chain(
