@@ -15,7 +15,14 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.constraints import Constraints
-from microplan.featuresel.selection.race import Race, chains_ahead, race, round_ends
+from microplan.featuresel.selection.race import (
+    Contenders,
+    Race,
+    chains_ahead,
+    race,
+    round_ends,
+    sure_chains,
+)
 from microplan.featuresel.selection.select import Limits, Selection, select
 from microplan.featuresel.trials.chains import Chain, chains, routines
 from microplan.featuresel.trials.outcomes import Outcomes
@@ -262,10 +269,14 @@ class _Judge:
 
     def ahead(
         self, before: RoutineComparison | None, scores: Sequence[ChainScore]
-    ) -> frozenset[Chain]:
+    ) -> Contenders:
         """Return the chains that the choice hangs on, an earlier contest's included."""
         whole = [*(before.scores if before else ()), *scores]
-        return chains_ahead(whole, select(whole, self.task), self.task)
+        found = select(whole, self.task)
+        return Contenders(
+            chains=chains_ahead(whole, found, self.task),
+            sure=sure_chains(found, self.task),
+        )
 
 
 def make_ready(

@@ -21,12 +21,13 @@ class Effort:
     limited: bool  # the physical limit is computed, too, to compare routines with
     features: int  # of a part, compared where the target alone is not enough
     thorough: bool  # also tries routines that are expensive to prepare
-    pairs: int = 12  # of images that tell what a model's errors cost a chain; even
+    # of images that tell what a model's errors cost a chain, if that matters; even
+    pairs: int = 12
 
 
 # 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 .99.
 # Failures have half of that doubt: 74 random trials show .95 of a plan whose looks are
-# made once, 128 of one whose looks are made 1.7 times.
+# made once, 112 of one whose looks are made 1.5 times.
 PRESETS: Mapping[Preset, Effort] = {
     "fast": Effort(
         trials=24,
@@ -40,7 +41,7 @@ PRESETS: Mapping[Preset, Effort] = {
     ),
     "balanced": Effort(
         trials=64,
-        random_trials=128,
+        random_trials=112,
         range_draws=12,
         drift_draws=4,
         image_error=0.002,
