@@ -119,7 +119,12 @@ def _kept(found: Measurement, before: Measurement, *, placed: bool) -> Measureme
             spread_theta_rad=before.spread_theta_rad,
         )
     if found.z_um is None:
-        found = replace(found, z_um=before.z_um, spread_z_um=before.spread_z_um)
+        found = replace(
+            found,
+            z_um=before.z_um,
+            spread_z_um=before.spread_z_um,
+            z_is_signed=before.z_is_signed,
+        )
     if found.zoom is None:
         found = replace(found, zoom=before.zoom)
     if placed:

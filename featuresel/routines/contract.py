@@ -96,8 +96,9 @@ class Measurement:
     score: float  # 0..1, the routine's own confidence; gates compare it
     spread_px: float  # the routine's own estimate of its standard deviation per axis
     spread_theta_rad: float | None = None
-    z_um: float | None = None  # of the focus from nominal; the sign may be unknown
+    z_um: float | None = None  # of the focus from nominal
     spread_z_um: float | None = None
+    z_is_signed: bool = False  # whether the sign of `z_um` is measured too
     zoom: float | None = None  # over nominal
     axis_rad: float | None = None  # the one direction in which the position is known
 

@@ -97,7 +97,7 @@ class Outcome:
     # errors above are the part along it
     axis_rad: float | None = None
     depth_um: float | None = None  # how far out of focus the chain says it is
-    z_um: float | None = None  # error of that; one image does not determine the sign
+    z_um: float | None = None  # error of the focus, or of its size alone
     zoom: float | None = None  # error of the ratio to nominal
     # by how far the picture's discrepancy moved the answer, in the target's frame, and
     # turned it; None: it is not known

@@ -58,7 +58,7 @@ class ChainScore:
     y: Estimate | None = None
     along: Estimate | None = None
     theta: Estimate | None = None  # rad
-    z: Estimate | None = None  # um, of the size of the defocus
+    z: Estimate | None = None  # um, of the defocus, or of its size alone
     zoom: Estimate | None = None  # of the ratio to nominal
     axis_rad: float | None = None  # the one direction known, in the target's frame
     # of the chain's own standard deviation; along x where that is the one direction

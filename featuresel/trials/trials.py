@@ -271,16 +271,24 @@ def _outcome(
     place = located(case, found)
     if isinstance(place, Failure):
         return outcome_of(case, trial, chain, place)
-    depth = None if found.z_um is None else abs(found.z_um)
     return replace(
         outcome_of(case, trial, chain, place),
         score=found.score,
         spread_um=found.spread_px * case.microscope.um_per_px,
         spread_theta_rad=found.spread_theta_rad,
-        depth_um=depth,
-        z_um=None if depth is None else depth - abs(trial.dz_um),
+        depth_um=None if found.z_um is None else abs(found.z_um),
+        z_um=_focus_error_um(found, trial.dz_um),
         zoom=None if found.zoom is None else found.zoom - trial.magnification,
     )
+
+
+def _focus_error_um(found: Measurement, dz_um: float) -> float | None:
+    """Return the error of the focus, or of its size where no sign is measured."""
+    if found.z_um is None:
+        return None
+    if found.z_is_signed:
+        return found.z_um - dz_um
+    return abs(found.z_um) - abs(dz_um)
 
 
 def outcome_of(

@@ -25,7 +25,7 @@ from microplan.featuresel.routines.likelihood.comparison import (
     ImageComparison,
 )
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from microplan.featuresel.routines.likelihood.likelihood import answer
+from microplan.featuresel.routines.likelihood.likelihood import answer, fitted
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
 from microplan.featuresel.routines.likelihood.pose_start import refocused, start_pose
 from microplan.featuresel.routines.picture import refused
@@ -82,10 +82,12 @@ def measure(
         return start
     if guess.z_um is None:
         start = _at_focus(job, start)
-    found = fit_pose(job.held, start)
+    found = fitted(job.held, start)
     if isinstance(found, PoseFit) and job.front is not None:
-        found = fit_pose(job, found.pose)
-    return found if isinstance(found, Failure) else answer(found, p, guess)
+        found = fitted(job, found.pose)
+    if isinstance(found, Failure):
+        return found
+    return answer(replace(found, is_signed=True), p, guess)
 
 
 def _at_focus(job: ImageComparison, start: ImagePose) -> ImagePose:

@@ -38,6 +38,7 @@ from microplan.featuresel.routines.likelihood.comparison import (
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
 from microplan.featuresel.routines.likelihood.pose_fit import (
     PoseFit,
+    excess,
     fit_pose,
     step_once,
     surfaces_first,
@@ -62,6 +63,7 @@ _FAR_PX = 3.0  # the most that the fit may move from the guess
 # Standard deviations of chi squared that noise explains; beyond, the focus may have the
 # wrong sign.
 _DOUBTFUL = 2.0
+_REFUTED = 4.0  # standard deviations: then a side of focus is not the right one
 _AS_MUCH = 0.95  # of the pixels that another fit trusts
 
 
@@ -80,11 +82,13 @@ def measure(
     if len(marked) == 0 or guess.z_um is not None:
         found = _freed(job, start)
     else:
-        found = _fitted(job.held, start)
+        found = fitted(job.held, start)
         if isinstance(found, PoseFit):
             found = _at_mark(job.held, found, marked, p["range_rad"])
         if isinstance(found, PoseFit) and job.front is not None:
-            found = _fitted(job, found.pose)  # at a wrong turn it would mend that
+            found = fitted(job, found.pose)  # at a wrong turn it would mend that
+    if isinstance(found, PoseFit) and guess.z_um is None:
+        found = _sided(job, found)
     return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
@@ -96,7 +100,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
 
 LIKELIHOOD = Routine(
     name="likelihood",
-    version="10",
+    version="11",
     kinds=("circle", "teeth", "outline", "jaws"),
     principle="area",
     provides=("xy", "theta", "z", "zoom"),
@@ -167,8 +171,8 @@ def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         return found if veiled is found else _righted(job.veiled, veiled)
     if job.front is None:
         return _instead(job, found, start)
-    near = _fitted(job.held, start)
-    return near if isinstance(near, Failure) else _fitted(job, near.pose)
+    near = fitted(job.held, start)
+    return near if isinstance(near, Failure) else fitted(job, near.pose)
 
 
 def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
@@ -190,6 +194,27 @@ def _righted(job: ImageComparison, found: PoseFit) -> PoseFit:
     if isinstance(other, Failure) or other.quality.used < _AS_MUCH * found.quality.used:
         return found
     return other if other.quality.left < found.quality.left - noise else found
+
+
+def _sided(job: ImageComparison, found: PoseFit) -> PoseFit:
+    """Return the better fit of both sides of focus, where images of both differ.
+
+    It has a sign if the other one is refuted, or if both starts end on one side or in
+    one place. What model and image differ by beyond noise counts as more noise. Behind
+    an occluder, whose own focus is free, `_righted` compares both instead.
+    """
+    if job.squared or job.front is not None or job.free.z_sigma_um == 0:
+        return found
+    other = fitted(job, replace(found.pose, z_um=-found.pose.z_um))
+    if isinstance(other, Failure):
+        return found
+    z_um, there_um = found.pose.z_um, other.pose.z_um
+    if z_um * there_um >= 0 or abs(z_um - there_um) < found.sigma[3]:
+        return replace(found, is_signed=True)
+    more = excess(job, found, other)
+    better = other if more < 0 else found
+    refuted = abs(more) > _REFUTED**2 * max(1.0, better.quality.chi2)
+    return replace(better, is_signed=refuted)
 
 
 def _veiled(job: ImageComparison, found: PoseFit) -> PoseFit:
@@ -215,7 +240,7 @@ def _veiled(job: ImageComparison, found: PoseFit) -> PoseFit:
     return found
 
 
-def _fitted(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
+def fitted(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """Return the fit from a start, with a veil if it needs one."""
     found = fit_pose(job, start)
     if isinstance(found, Failure):
@@ -244,7 +269,7 @@ def _at_mark(
     best = int(np.argmax(seen.share))
     if best > 0:
         start = replace(found.pose, turn_rad=float(turns[best]))
-        other = _fitted(job, start)
+        other = fitted(job, start)
         if isinstance(other, PoseFit):
             found = other if other.quality.left < found.quality.left else found
             turns = equal_turns(found.pose.turn_rad, job.symmetry)
@@ -294,5 +319,6 @@ def answer(
         spread_theta_rad=float(sigma[2]) if p["turns"] else None,
         z_um=found.z_um if p["focus_sigma_um"] > 0 else None,
         spread_z_um=float(sigma[3]) if p["focus_sigma_um"] > 0 else None,
+        z_is_signed=found.is_signed,
         zoom=pose.zoom if p["zoom_sigma"] > 0 else None,
     )

@@ -181,13 +181,14 @@ def _over(model: LookModel, target: Target) -> int:
 
 def _stops(model: LookModel, half: tuple[int, int], reach_um: float) -> _Stops:
     """Return the focus heights of the planes."""
-    step = _STEP_DEPTHS * model.blur.depth_um
-    reach = max(reach_um, step)
-    near, far = model.template((-reach / 2, reach / 2), over=1, half_px=half)
-    is_even = bool(np.abs(near - far).max() < _EVEN)
+    depth = model.blur.depth_um
+    reach = max(reach_um, step := _STEP_DEPTHS * depth)
+    # far out no wavefront error is in images: nearer they may differ all the same
+    offs = reach / 2, min(reach / 2, depth)
+    shown = model.template((*offs, -offs[0], -offs[1]), over=1, half_px=half)
+    is_even = bool(np.abs(shown[:2] - shown[2:]).max() < _EVEN)
     span = reach if is_even else 2 * reach
-    steps = min(math.ceil(span / step), _MOST_PLANES)
-    step = span / steps
+    step = span / (steps := min(math.ceil(span / step), _MOST_PLANES))
     first = -BEYOND * step - (0.0 if is_even else reach)
     return _Stops(first, step, steps + 1 + 2 * BEYOND, is_even)
 
@@ -230,8 +231,7 @@ def _used(
     )
     seen = light[:, first::over, first::over]
     focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
-    inner = np.zeros((rows, columns), dtype=bool)
-    edge = grid.around
+    inner, edge = np.zeros((rows, columns), dtype=bool), grid.around
     inner[edge:-edge, edge:-edge] = True
     # by the middle of its block: what is determined in vain would else be counted on
     own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]

@@ -53,6 +53,8 @@ class PoseFit:
     squared: bool  # the covariance is of the square of the focus
     quality: FitQuality
     pixels: int
+    # whether the other side of focus is refuted, or none is left beside this one
+    is_signed: bool = False
 
     @property
     def gain(self) -> float:
@@ -140,6 +142,34 @@ def surfaces_first(job: ImageComparison, start: ImagePose) -> ImagePose:
                                      linear.right[pick])  # fmt: skip
         pose, light = pose_after(job, pose, move), linear.light + move[-LIGHT:]
     return pose
+
+
+def excess(job: ImageComparison, fit: PoseFit, other: PoseFit) -> float:
+    """Return chi squared of another fit less that of a fit; inf where it fits nothing.
+
+    Far residuals are cut, as in `fit_quality`; over the pixels that tell most at either
+    of both.
+    """
+    pixels = tuple(
+        _either(*both, job.shape[1])
+        for both in zip(
+            pixels_of(job, fit.pose), pixels_of(job, other.pose), strict=True
+        )
+    )
+    there = _linear(job, other.pose, other.light, pixels)
+    here = _linear(job, fit.pose, fit.light, pixels)
+    if isinstance(there, Failure) or isinstance(here, Failure):
+        return math.inf if isinstance(there, Failure) else -math.inf
+    return float(there.quality.left - here.quality.left) * len(here.residual)
+
+
+def _either(
+    one: tuple[IntArray, IntArray], other: tuple[IntArray, IntArray], width: int
+) -> tuple[IntArray, IntArray]:
+    """Return the (columns, rows), (N,) each, that are of either set of pixels."""
+    cells = [rows * width + columns for columns, rows in (one, other)]
+    rows, columns = np.divmod(np.union1d(*cells), width)
+    return columns, rows
 
 
 def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
