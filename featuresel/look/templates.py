@@ -102,6 +102,7 @@ def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
         width_px=case.microscope.width_px * over,
         height_px=case.microscope.height_px * over,
         fill_factor=_POINT,
+        disc_side_um=case.microscope.side_um,
     )
     return replace(
         case,

@@ -243,7 +243,7 @@ def blur(
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     top = min(float(x.max()), 1.0)
     gain = tabulate(model, microscope, z_um, top).read(np.minimum(x, top))
-    side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
+    side = microscope.side_um
     gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
     gain /= np.sinc(u * cell_um) * np.sinc(v * cell_um)[:, None]
     # what is blurred is a share of light: single precision adds 1e-6 (tested)

@@ -90,7 +90,7 @@ def pixel_gain(
     microscope: Microscope, tile: Tile, orders: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the pixels' transfer [1] at orders along x (J + 1,) and y (K + 1,)."""
-    side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
+    side = microscope.side_um
     across = np.sinc(np.arange(orders[0] + 1) / tile.width_um * side)
     along = np.sinc(np.arange(orders[1] + 1) / tile.height_um * side)
     return across, along

@@ -26,6 +26,9 @@ class Microscope:
     # what the lens' wavefront lacks of a sphere; an image in focus is where it was
     wavefront: Terms = ()
     halo: Halo | None = None  # into which glass and glue scatter a share of the light
+    # side of the pixels in object space, um, by which large discs in focus are shown
+    # where they are; None: of its own
+    disc_side_um: float | None = None
 
     def __post_init__(self) -> None:
         names = ("aperture", "wavelength_um", "medium_index", "magnification")
@@ -46,6 +49,8 @@ class Microscope:
             raise ValueError(
                 f"halo must be um > 0 and a share of 0..1, got {self.halo}"
             )
+        if self.disc_side_um is not None and not self.disc_side_um > 0:
+            raise ValueError(f"disc_side_um must be > 0, got {self.disc_side_um}")
         if self.fill_factor > 1:
             raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
 
@@ -67,6 +72,11 @@ class Microscope:
         return self.pitch_um / self.magnification
 
     @property
+    def side_um(self) -> float:
+        """Return the side of a pixel's light-sensitive area in object space, um."""
+        return self.um_per_px * math.sqrt(self.fill_factor)
+
+    @property
     def without_pixels(self) -> Microscope:
         """Return the lens without pixels and halo: images at all zooms share it."""
         return replace(
@@ -77,6 +87,7 @@ class Microscope:
             height_px=1,
             fill_factor=1.0,
             halo=None,
+            disc_side_um=None,
         )
 
     @property

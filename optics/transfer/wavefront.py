@@ -79,11 +79,12 @@ def disc_shift_um(microscope: Microscope) -> tuple[float, float]:
 
     Its edges are straight to the lens: each moves along its normal, and their middle is
     the mean over all directions. Coma alone moves it. What blurs more, as defocus or
-    larger pixels do, moves otherwise, at last by the centroid of a point's image.
+    larger pixels do, moves otherwise, at last by the centroid of a point's image: the
+    pixels are those of `disc_side_um`, the camera's also where samples are finer.
     """
     if not microscope.wavefront:
         return 0.0, 0.0
-    lens, side = microscope, microscope.um_per_px * math.sqrt(microscope.fill_factor)
+    lens, side = microscope, microscope.disc_side_um or microscope.side_um
     f = lens.cutoff_per_um * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
     x = y = 0.0
     for angle, line in zip(_angles(), _lines(lens.without_pixels), strict=True):

@@ -20,6 +20,7 @@ from microplan.featuresel.look.static_layers import fresh
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.transfer.microscope import Terms
 from tests.featuresel.conftest import disc, post_layer
 from tests.featuresel.fits import case, render
 from tests.featuresel.sharing import FINE, SHARED
@@ -36,10 +37,13 @@ def collected(template: FloatArray, over: int) -> FloatArray:
     return np.fft.irfft2(light, s=template.shape)[::over, ::over]
 
 
+@pytest.mark.parametrize("terms", [(), ((8, 0.1), (5, 0.05))])
 @pytest.mark.parametrize("z_um", [0.0, 6.0])
-def test_a_template_is_the_image_without_pixels_area(z_um: float) -> None:
-    look, target = render("post"), case("post").target
-    half = (45, 40)
+def test_a_template_is_the_image_without_pixels_area(z_um: float, terms: Terms) -> None:
+    """Coma moves what finer pixels show by .05 um less, were they the camera's."""
+    seen, half = case("post"), (45, 40)
+    scope = replace(seen.microscope, wavefront=terms)
+    look, target = nominal_render(replace(seen, microscope=scope)), seen.target
     (template,) = look.template((z_um,), over=3, half_px=half)
     assert template.shape == (2 * 3 * half[1] + 1, 2 * 3 * half[0] + 1)
     top, left = round(target.row) - half[1], round(target.column) - half[0]

@@ -138,6 +138,16 @@ def test_a_disc_in_focus_moves_with_coma_alone() -> None:
     assert shifts[3] > 0.9 * most
 
 
+def test_finer_samples_show_discs_where_the_cameras_pixels_do() -> None:
+    scope = lens((8, 0.05), magnification=5)
+    finer = replace(scope, pitch_um=scope.pitch_um / 3, fill_factor=0.5)
+    there = replace(finer, disc_side_um=scope.side_um)
+    assert abs(disc_shift_um(finer)[0] - disc_shift_um(scope)[0]) > 0.01
+    assert disc_shift_um(there) == pytest.approx(disc_shift_um(scope), rel=1e-9)
+    with pytest.raises(ValueError, match="disc_side_um must be > 0"):
+        replace(scope, disc_side_um=0.0)
+
+
 def edge_um(scope: Microscope, angle: float) -> float:
     """Return where an edge's profile is half way up, by the overlap's integral."""
     x = (np.arange(200) + 0.5) / 200

@@ -25,6 +25,7 @@ from microplan.featuresel.trials.trials import (
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Terms
+from microplan.optics.transfer.wavefront import disc_shift_um
 from tests.featuresel.conftest import MICROSCOPE, disc, make_case, noisy, on_target
 from validation.twins import optics, scenes
 
@@ -124,6 +125,16 @@ def test_without_it_only_the_size_is_told(terms: Terms, depths: int) -> None:
     found = measured(terms, depths * DEPTH_UM, 1)
     assert not found.z_is_signed
     assert found.z_um == pytest.approx(2 * DEPTH_UM, abs=0.1)
+
+
+@pytest.mark.parametrize("depths", [0, 1])
+def test_coma_moves_no_answer(depths: int) -> None:
+    """From where the lens shows discs in focus: planes of finer pixels were .03 off."""
+    case, found = look(COMA), measured(COMA, depths * DEPTH_UM, 5)
+    x_um, y_um = disc_shift_um(case.microscope)
+    column, row = case.frame.to_pixel(AT_UM[0] + x_um, AT_UM[1] + y_um)
+    off_px = np.hypot(found.column - column, found.row - row)
+    assert off_px < SURE * found.spread_px
 
 
 @pytest.mark.parametrize(("terms", "sides"), [(TELLING, 2), (NONE, 0)])
