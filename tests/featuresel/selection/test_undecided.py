@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -220,7 +220,7 @@ def test_a_chain_that_fell_is_judged_with_the_others_and_tried_no_more(
     ahead = heats.ahead
     assert ahead is not None
 
-    def watched(scores: Sequence[ChainScore]) -> Collection[Chain]:
+    def watched(scores: Sequence[ChainScore]) -> Contenders:
         judged.append(tuple(score.chain for score in scores))
         return ahead(scores)
 
