@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -180,6 +180,19 @@ def used(tried: Evaluation) -> tuple[str, ...]:
     selection = tried.comparison.selection
     both = (selection.chosen, selection.fallback)
     return tuple(dict.fromkeys(r for score in both if score for r in score.chain))
+
+
+def used_alone(tried: Evaluation) -> Evaluation:
+    """Return an evaluation with what it knows of chain and fallback alone.
+
+    The other routines' artifacts take most of a look's memory.
+    """
+    selection, names = tried.comparison.selection, used(tried)
+    both = (selection.chosen, selection.fallback)
+    kept = tried.comparison.only([score.chain for score in both if score])
+    artifacts = {name: kept.prepared.artifacts[name] for name in names}
+    prepared = replace(kept.prepared, artifacts=artifacts)
+    return replace(tried, comparison=replace(kept, prepared=prepared))
 
 
 def _artifact(tried: Evaluation, name: str) -> Artifact:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,13 @@ from microplan.planner.looks.edge_shifts.response_shift import (
     response_rows,
     response_shift,
 )
-from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
+from microplan.planner.looks.evaluation import (
+    Arrays,
+    ChosenSet,
+    Evaluation,
+    arrays_of,
+    used_alone,
+)
 from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
 from microplan.planner.looks.look_problem import LookProblem
@@ -222,7 +228,7 @@ def compiled(problem: LookProblem, decided: LookDecision) -> CompiledLook:
         response=response,
         placed=look_scene(task, request.state, request.id, shape, spot),
         model_cost=_model_cost(decided),
-        found=found,
+        found=tuple(replace(each, tried=used_alone(each.tried)) for each in found),
         sigma_without_scale_um=without_scale_um,
         figures=evidence_of(task, request, found, memo),
     )
