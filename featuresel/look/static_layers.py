@@ -19,7 +19,7 @@ from microplan.optics.render.view_range import Range
 from microplan.optics.transfer.microscope import Microscope
 
 CUT = 3.0  # normal spreads of trials end here: they stand for a working station
-_HELD = 16  # groups of layers: those of a look or two, under two laws
+_HELD = 8  # groups of layers: those of a look, under two laws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from microplan.arrays import FloatArray, Point
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.perturb import exposed
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located, located
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, SeenFeature, fuse
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.repeatability import from_stops
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.repeatability import (
+    Repeated,
+    from_stops,
+    trueness_of,
+)
 from microplan.featuresel.trials.score import ChainScore, chain_cost, score_chain
-from microplan.featuresel.trials.trials import Map, PreparedRoutines, follow, outcome_of
+from microplan.featuresel.trials.trials import (
+    Map,
+    PreparedRoutines,
+    follow,
+    outcome_of,
+    with_move,
+)
+from microplan.optics.lens.sensor import linear
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,10 +90,65 @@ def score_set(
     ValueError
         If there is no member or no trial.
     """
-    if not members or not trials:
+    asked = _Asked(members=tuple(members), least=least, stops_um=tuple(stops_um))
+    return _score(case, members, _outcomes(case, asked, trials, map))
+
+
+def repeated_set(
+    case: LookCase,
+    members: Sequence[Member],
+    trials: Sequence[Trial],
+    *,
+    least: int,
+    stops_um: Sequence[float] = (),
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+) -> Repeated:
+    """Return what `score_set` does, with the trueness of what the members tell.
+
+    Of one chain that names the features.
+    """
+    asked = _Asked(
+        members=tuple(members), least=least, stops_um=tuple(stops_um), tells_moves=True
+    )
+    outcomes = _outcomes(case, asked, trials, map)
+    return Repeated(
+        outcomes=Outcomes.of(outcomes),
+        scores=(_score(case, members, outcomes),),
+        trueness=(trueness_of(case, outcomes),),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What trials of a set are made with."""
+
+    members: tuple[Member, ...]
+    least: int  # that must answer
+    stops_um: tuple[float, ...]
+    tells_moves: bool = False  # by how much discrepancies moved answers
+
+    @property
+    def chain(self) -> Chain:
+        """Return the features' names in place of routines."""
+        return _chain(self.members)
+
+
+def _outcomes(
+    case: LookCase,
+    asked: _Asked,
+    trials: Sequence[Trial],
+    map: Map,  # noqa: A002 - as above
+) -> tuple[Outcome, ...]:
+    """Return what a set says of each trial."""
+    if not asked.members or not trials:
         raise ValueError("a set needs members and trials")
-    tried = partial(_tried, case, tuple(members), least, tuple(stops_um))
-    outcomes = tuple(map(tried, trials))
+    return tuple(map(partial(_tried, case, asked), trials))
+
+
+def _score(
+    case: LookCase, members: Sequence[Member], outcomes: Sequence[Outcome]
+) -> ChainScore:
+    """Return the score of a set."""
     cost = sum(chain_cost(m.case, m.prepared, m.chain) for m in members)
     return score_chain(case, _chain(members), outcomes, cost)
 
@@ -93,49 +159,61 @@ def _chain(members: Sequence[Member]) -> Chain:
 
 
 def _found(
-    case: LookCase,
-    members: Sequence[Member],
-    least: int,
-    stops_um: Sequence[float],
-    trial: Trial,
+    asked: _Asked, trial: Trial, pictures: Iterable[FloatArray]
 ) -> list[SeenFeature | Failure]:
-    """Return each member as the first focus stop that shows it has it.
+    """Return each member as the first of the pictures that shows it has it.
 
-    There are no further stops once `least` are found.
+    There are no further ones once so many as needed are found.
     """
-    found: list[SeenFeature | Failure] = [Failure("not_seen", "")] * len(members)
-    for stop in from_stops(trial, stops_um):
-        picture, off_um = image(case, stop), trial.together_um
+    found: list[SeenFeature | Failure] = [Failure("not_seen", "")] * len(asked.members)
+    for picture in pictures:
         found = [
-            known if isinstance(known, SeenFeature) else _seen(member, picture, off_um)
-            for known, member in zip(found, members, strict=True)
+            known
+            if isinstance(known, SeenFeature)
+            else _seen(member, picture, trial.together_um)
+            for known, member in zip(found, asked.members, strict=True)
         ]
-        if sum(isinstance(each, SeenFeature) for each in found) >= least:
+        if sum(isinstance(each, SeenFeature) for each in found) >= asked.least:
             break
     return found
 
 
-def _tried(
-    case: LookCase,
-    members: Sequence[Member],
-    least: int,
-    stops_um: Sequence[float],
-    trial: Trial,
+def _tried(case: LookCase, asked: _Asked, trial: Trial) -> Outcome:
+    """Return what the set says of one trial, from focus stop to focus stop."""
+    stops = from_stops(trial, asked.stops_um)
+    made: list[tuple[FloatArray, FloatArray]] = []  # by stop, as they are asked for
+
+    def pictures(share: float) -> Iterator[FloatArray]:
+        for number, stop in enumerate(stops):
+            if number == len(made):
+                counts, more = exposed(case, stop)
+                made.append((linear(counts, case.sensor), more))
+            picture, more = made[number]
+            yield picture - share * more
+
+    there = _told(case, asked, trial, pictures(0.0))
+    if not asked.tells_moves or case.discrepancy is None:
+        return there
+    return with_move(case, there, _told(case, asked, trial, pictures(1.0)))
+
+
+def _told(
+    case: LookCase, asked: _Asked, trial: Trial, pictures: Iterable[FloatArray]
 ) -> Outcome:
-    """Return what the set says of one trial."""
-    found = _found(case, members, least, stops_um, trial)
+    """Return what the set says of the pictures of one trial."""
+    found = _found(asked, trial, pictures)
     answered = [seen for seen in found if isinstance(seen, SeenFeature)]
-    if len(answered) < least:
+    if len(answered) < asked.least:
         missed = next(seen for seen in found if isinstance(seen, Failure))
-        return outcome_of(case, trial, _chain(members), missed)
+        return outcome_of(case, trial, asked.chain, missed)
     fused = fuse(answered, _believed(case))
     if isinstance(fused, Failure):
-        return outcome_of(case, trial, _chain(members), fused)
+        return outcome_of(case, trial, asked.chain, fused)
     place = Located(
         x_um=fused.x_um, y_um=fused.y_um, theta_rad=fused.theta_rad, axis_rad=None
     )
     return replace(
-        outcome_of(case, trial, _chain(members), place),
+        outcome_of(case, trial, asked.chain, place),
         spread_um=fused.sigma_um,
         spread_theta_rad=fused.sigma_theta_rad,
     )

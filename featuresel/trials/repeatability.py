@@ -97,11 +97,11 @@ def repeatability(
     return Repeated(
         outcomes=outcomes,
         scores=score(case, alone, outcomes),
-        trueness=tuple(_trueness(case, outcomes.by(c)) for c in alone.chains),
+        trueness=tuple(trueness_of(case, outcomes.by(c)) for c in alone.chains),
     )
 
 
-def _trueness(case: LookCase, outcomes: Outcomes) -> Trueness:
+def trueness_of(case: LookCase, outcomes: Sequence[Outcome]) -> Trueness:
     """Return how far discrepancies moved one chain's right answers.
 
     Where either answer is wrong it is a failure, not an error.

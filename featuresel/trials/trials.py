@@ -241,14 +241,14 @@ def _run_chunk(
         if asks.tells_moves and more is not None and case.discrepancy is not None:
             plain = measure_picture(case, only, each.trial, shown - more)
             outcomes = tuple(
-                _moved(case, *both) for both in zip(outcomes, plain, strict=True)
+                with_move(case, *both) for both in zip(outcomes, plain, strict=True)
             )
         fresh = picture if asks.keeps and each.picture is None else None
         found.append((outcomes, fresh))
     return found
 
 
-def _moved(case: LookCase, there: Outcome, plain: Outcome) -> Outcome:
+def with_move(case: LookCase, there: Outcome, plain: Outcome) -> Outcome:
     """Return an outcome with what it differs by from one without discrepancy."""
     if there.target_um is None or plain.target_um is None:
         return there

@@ -162,7 +162,7 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
     return near if points <= _WHOLE else met
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=16)
 def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
     edges = own_edges(key)

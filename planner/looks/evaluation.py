@@ -22,6 +22,7 @@ from microplan.featuresel.sets.criteria import (
 )
 from microplan.featuresel.sets.feature_set import FeatureSet
 from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.trials.repeatability import Trueness
 from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.views.targets import TargetShape
@@ -149,6 +150,7 @@ class ChosenSet:
     least: int  # that must answer
     shared_um: float  # sigma of the target's position on the part, as fabricated
     repeated: ChainScore | None = None  # of random trials, once the set is chosen
+    trueness: Trueness | None = None  # of its answers in these
 
     @property
     def sigma_um(self) -> float:

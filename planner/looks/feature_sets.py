@@ -16,7 +16,7 @@ from microplan.featuresel.sets.pose_covariance import (
     PoseRequirement,
     measurement_of,
 )
-from microplan.featuresel.sets.set_trials import Member, score_set
+from microplan.featuresel.sets.set_trials import Member, repeated_set, score_set
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.outline.tolerant_order import at_most
@@ -133,8 +133,8 @@ class FeatureSetSearch:
         `usable_um` has each feature's focus range: the stops of the look are by these.
         """
         context, fresh = self.problem.context, self._named(chosen.tested)
-        score = context.memo.call(
-            score_set,
+        found = context.memo.call(
+            repeated_set,
             fresh,
             self._members(chosen.tested, chosen.sights),
             random_design(fresh, context.effort.random_trials, self.problem.task.seed),
@@ -142,7 +142,8 @@ class FeatureSetSearch:
             stops_um=self.problem.stops_um(fresh, usable_um),
             map=context.map,
         )
-        return replace(chosen, repeated=score)
+        (score,), (true,) = found.scores, found.trueness
+        return replace(chosen, repeated=score, trueness=true)
 
     def _missed(self, chosen: ChosenSet) -> str:
         """Return which limit a set misses, as the part may be made."""

@@ -298,7 +298,9 @@ def _look(
     first, *others = [measure_record(request, shape, each) for each in found]
     usable = {each.shape.name: each.usable.focus_um for each in found}
     view = view_record(task, request, case, list(usable.values()))
-    path, together = f"images/{request.id}.png", decided.together
+    path, chosen = f"images/{request.id}.png", decided.together
+    together = chosen and together_record(chosen, _model_cost(decided))
+    known = (together or first).repeatability
     return p.Look(
         id=request.id,
         target=shape.name,
@@ -310,16 +312,14 @@ def _look(
             *response_rows(
                 case, response, is_stated=task.workcell.camera.is_response_stated
             ),
-            *picture_rows(task.workcell, case, None if together else first),
+            *picture_rows(task.workcell, case, known),
         ),
         measure=first,
         evidence=evidence(
             found[0].tried, found[0].chosen, decided.rows, case.tolerance_um
         ),
         others=tuple(others),
-        together=None
-        if together is None
-        else together_record(together, _model_cost(decided)),
+        together=together,
         verdict=view_verdict(task, request, view, usable, decided.refused),
     )
 

@@ -36,13 +36,12 @@ def discrepancy(cell: Workcell, case: LookCase, memo: Memo) -> Discrepancy | Non
 
 
 def picture_rows(
-    cell: Workcell, case: LookCase, measure: p.Measure | None
+    cell: Workcell, case: LookCase, known: p.Repeatability | None
 ) -> tuple[p.EffectRow, ...]:
     """Return the ledger's row of what real pictures move a look's answer by.
 
-    None where that is not known, as of several features together.
+    None where that is not known.
     """
-    known = None if measure is None else measure.repeatability
     if case.discrepancy is None or known is None or known.trueness_um is None:
         return ()
     return (

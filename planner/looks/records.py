@@ -243,7 +243,7 @@ def together_record(found: ChosenSet, cost: p.ModelCost | None = None) -> p.Toge
         least=found.least,
         success_lower=found.score.success_lower,
         silent_upper=found.score.silent_upper,
-        repeatability=repeatability_record(score, score.silent),
+        repeatability=repeatability_record(score, score.silent, found.trueness),
         model_cost=cost,
     )
 

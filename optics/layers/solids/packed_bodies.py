@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import partial
 
 import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.solids.straight_rays import ThickBody
 from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, DistanceGrid
+from microplan.optics.transfer.lru import Recent
+
+_JOINED_BYTES = 1 << 25  # of grids: those of a look's images
 
 
 def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
@@ -34,9 +37,16 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
     return _joined(tuple(body.distance.grid for body in bodies)), numbers
 
 
-@lru_cache(maxsize=16)
+_JOINED: Recent[Float32Array] = Recent(_JOINED_BYTES, lambda found: found.nbytes)
+
+
 def _joined(grids: tuple[DistanceGrid, ...]) -> Float32Array:
     """Return the distances of grids one after the other, (N,) um: bodies only move."""
+    return _JOINED.get(grids, partial(_concatenated, grids))
+
+
+def _concatenated(grids: tuple[DistanceGrid, ...]) -> Float32Array:
+    """Return new ones, not to be changed."""
     found = np.concatenate(
         [np.zeros(0, dtype=np.float32), *(grid.values.ravel() for grid in grids)]
     )

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 from scipy.stats import f as fisher_f
 
 from microplan.featuresel.features.features import propose
 from microplan.featuresel.look.design import design
+from microplan.featuresel.look.discrepancy import Discrepancy
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.sets.feature_set import choose_set
@@ -20,7 +22,8 @@ from microplan.featuresel.sets.pose_covariance import (
     PoseRequirement,
     measurement_of,
 )
-from microplan.featuresel.sets.set_trials import Member, score_set
+from microplan.featuresel.sets.set_trials import Member, repeated_set, score_set
+from microplan.featuresel.trials.repeatability import Trueness
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.aims import aimed
@@ -197,3 +200,30 @@ def test_a_set_needs_members_and_trials() -> None:
         score_set(case, [], design(case, 1, 1), least=1)
     with pytest.raises(ValueError, match="members and trials"):
         score_set(case, members("edge1"), [], least=1)
+
+
+def test_trueness_is_what_discrepancies_move_the_pose_by() -> None:
+    """By the same trials without any, whose noise is nearly the same."""
+    some, plain = members(*CORNERS), bracket()
+    rough = replace(
+        plain,
+        discrepancy=Discrepancy(
+            edge=0.01, flat=0.0, pixel=0.0, fine_um=2.0, size_um=30.0
+        ),
+    )
+    trials = design(plain, 24, 2)
+    without = repeated_set(plain, some, trials, least=2)
+    assert without.trueness == (Trueness(),)
+    found = repeated_set(rough, some, trials, least=2)
+    assert found.scores == (score_set(rough, some, trials, least=2),)
+    off = [
+        np.subtract(there.target_um, here.target_um)
+        for there, here in zip(found.outcomes, without.outcomes, strict=True)
+        if there.target_um is not None and here.target_um is not None
+    ]
+    assert len(off) >= 20  # corners of the design are refused more often
+    (true,) = found.trueness
+    assert true.um is not None
+    assert true.um == pytest.approx(np.sqrt(np.square(off).mean(axis=0)), rel=0.25)
+    assert true.rad is not None
+    assert min(*true.um, true.rad) > 0
