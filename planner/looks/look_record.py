@@ -299,7 +299,7 @@ def _look(
     usable = {each.shape.name: each.usable.focus_um for each in found}
     view = view_record(task, request, case, list(usable.values()))
     path, chosen = f"images/{request.id}.png", decided.together
-    together = chosen and together_record(chosen, _model_cost(decided))
+    together = together_record(chosen, _model_cost(decided)) if chosen else None
     known = (together or first).repeatability
     return p.Look(
         id=request.id,

@@ -77,12 +77,12 @@ def test_nothing_at_all_is_no_discrepancy(task: Task) -> None:
     cell = replace(task.workcell, discrepancy=none)
     case = case_of(replace(task, workcell=cell), "find_gear")
     assert case.discrepancy is None
-    assert picture_rows(cell, case, MEASURE) == ()
+    assert picture_rows(cell, case, MEASURE.repeatability) == ()
 
 
 def test_the_ledger_has_the_worse_axis(task: Task) -> None:
     case = case_of(task, "find_gear")
-    (row,) = picture_rows(task.workcell, case, MEASURE)
+    (row,) = picture_rows(task.workcell, case, MEASURE.repeatability)
     assert row.predicted_error == pytest.approx(30.0)  # nm
     assert row.limit == pytest.approx(1000 * case.tolerance_um)
     assert "none is stated" in row.reason
