@@ -35,8 +35,8 @@ CHARGED = ("partial coherence",)
 # the vectorial one to an eighth of what the two differ by.
 _INNER = 0.7
 _FREQUENCIES = 64
-# `Sampling.rays` where trials leave walls out: images of the gear example differ from
-# those of all rays by .0008 rms, and take a quarter of the time
+# `Sampling.rays` where trials leave walls out: images of the gear example's looks differ
+# from those of all rays by .0008 rms, and take a quarter of the time
 _RAYS = 0.7
 _COLOURS = 3  # Gauss nodes over the flat band
 
