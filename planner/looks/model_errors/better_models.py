@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from microplan.featuresel.look.perturb import as_tried, sampling_at
+from microplan.featuresel.look.perturb import as_tried
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.coherence.unmodelled import FLAT_BAND, vectorial_otf
 from microplan.optics.render.sampling import Sampling
@@ -35,9 +35,6 @@ CHARGED = ("partial coherence",)
 # the vectorial one to an eighth of what the two differ by.
 _INNER = 0.7
 _FREQUENCIES = 64
-# `Sampling.rays` where trials leave walls out: images of the gear example's looks differ
-# from those of all rays by .0008 rms, and take a quarter of the time
-_RAYS = 0.7
 _COLOURS = 3  # Gauss nodes over the flat band
 
 
@@ -242,7 +239,7 @@ def _blended(case: LookCase) -> LookCase:
 
 def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with solid bodies, walls at both ends of what they reflect."""
-    made, tried = by_layer(bodies), _with_walls(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(WALLS,),
         by="solid bodies, their walls as dark and as bright as they may be",
@@ -255,7 +252,7 @@ def _walls(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
 
 def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
     """Return the look with faces as dull and as much of mirrors as they may be."""
-    made, tried = by_layer(bodies), _with_walls(case)
+    made, tried = by_layer(bodies), as_tried(case)
     return BetterModel(
         effects=(FINISH,),
         by="faces that are dull, and that are mirrors",
@@ -263,13 +260,6 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         against=tried,
         is_drawn=bool(case.surfaces),
     )
-
-
-def _with_walls(case: LookCase) -> LookCase:
-    """Return a look sampled as solid bodies are for pairs of images."""
-    if case.surfaces:
-        return as_tried(case)
-    return replace(case, sampling=sampling_at(case, case.focus_um, _RAYS))
 
 
 def _solid(layer: Layer, made: Mapping[str, Body], end: int) -> Layer:

@@ -52,14 +52,3 @@ def test_what_bodies_hide_and_shade_is_traced() -> None:
     found = only("layers of different height")
     assert found.ends[0].is_traced
     assert found.against == flat(as_tried(look()))
-
-
-@pytest.mark.parametrize("effect", ["side walls", "finish of faces"])
-def test_solid_bodies_are_sampled_as_what_they_are_compared_with(effect: str) -> None:
-    """With fewer rays than all, as trials draw no walls of this look."""
-    assert not look().surfaces
-    found = only(effect)
-    assert found.against is not None
-    assert 0.5 < found.against.sampling.rays < 1
-    for end in found.ends:
-        assert [case.sampling for _, case in end.cases] == [found.against.sampling]
