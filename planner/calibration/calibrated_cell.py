@@ -29,7 +29,10 @@ from microplan.planner.calibration.readings import (
     PictureReadings,
     read_readings,
 )
-from microplan.planner.calibration.through_focus.focus_series import focus_axis
+from microplan.planner.calibration.through_focus.focus_series import (
+    StatedLens,
+    focus_axis,
+)
 from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.measure.part_task import PartCall
 from microplan.planner.measure.picture_files import PictureError, files_of
@@ -112,8 +115,7 @@ def _with_readings(
     if finder is None:
         return None
     if readings.kind == "focus":
-        stated = _number(call.cell, "optics", "numerical_aperture")
-        return focus_axis(readings, finder, intake, stated)
+        return focus_axis(readings, finder, intake, _stated_lens(call.cell))
     at = Span(file=str(readings.file))
     places = PartPlaces(finder=finder, intake=intake)
     if readings.kind == "stage":
@@ -140,6 +142,13 @@ def _number(cell: Checked, section: str, key: str) -> float | None:
     """Return a number that a workcell states, None if it states none there."""
     said = cell.source.get(section, key)
     return float(said) if isinstance(said, int | float) else None
+
+
+def _stated_lens(cell: Checked) -> StatedLens:
+    """Return what a workcell states of its lens."""
+    rms = cell.source.get("optics", "wavefront_rms")
+    aperture = _number(cell, "optics", "numerical_aperture")
+    return StatedLens(aperture=aperture, has_rms=rms is not None)
 
 
 def stated_shares(cell: Checked) -> Mapping[str, float]:

@@ -18,6 +18,7 @@ from validation.twins.series import Reading, Rig
 
 SIGMAS = 5.0  # of six free numbers: .2 % beyond
 APERTURE, ZERO_UM = 0.40, 0.7
+WAVES = {6: 0.03, 8: -0.025, 11: 0.03}  # rms, by Noll's index
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +81,30 @@ def test_aperture_and_focus_come_out_within_their_deviations(
         off = abs(how[key]["value"] - true)
         assert off < SIGMAS * how[key]["standard_deviation"]
         assert off < 0.02
+    assert "wavefront" not in new["optics"]
+
+
+@pytest.fixture(scope="module")
+def aberrated(folder: Path) -> Path:
+    """Return focus steps of a lens with astigmatism, coma, spherical aberration."""
+    readings = [Reading(focus_um=z) for z in np.linspace(-5.3, 6.7, 9).tolist()]
+    optics = replace(lens().optics, zernike=WAVES)
+    return write_readings(
+        folder / "aberrated", replace(lens(), optics=optics), readings
+    )
+
+
+def test_aberrations_come_out_with_their_signs(folder: Path, aberrated: Path) -> None:
+    new = told(folder, aberrated, "workcell")
+    found = {row["noll"]: row for row in new["optics"]["wavefront"]}
+    assert {*found} == {*WAVES}
+    for noll, true in WAVES.items():
+        off = abs(found[noll]["waves"] - true)
+        assert off < SIGMAS * found[noll]["sigma_waves"]
+        assert off < 0.1 * abs(true)
+    how = new["calibrated"]["numerical_aperture"]
+    assert abs(how["value"] - APERTURE) < SIGMAS * how["standard_deviation"]
+    assert len(new["calibrated"]["wavefront"]["standard_deviation"]) == len(WAVES)
 
 
 def test_steps_on_one_side_are_refused(
