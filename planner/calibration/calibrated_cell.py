@@ -16,6 +16,8 @@ from microplan.planner.calibration.discrepancy.discrepancy_values import (
     SECTION,
     with_discrepancy,
 )
+from microplan.planner.calibration.geometry.light_field import WHERE
+from microplan.planner.calibration.geometry.light_of_places import with_light_gradient
 from microplan.planner.calibration.geometry.part_finder import part_finder
 from microplan.planner.calibration.geometry.part_places import PartPlaces
 from microplan.planner.calibration.geometry.placed_stills import placed_stills
@@ -123,6 +125,8 @@ def _with_readings(
         series = stage_axes(readings, places, bend)
     else:
         series = placed_stills(readings, places)
+    gradient = _number(call.cell, *WHERE)
+    series = with_light_gradient(series, places, at, gradient)
     shares = stated_shares(call.cell)
     return with_discrepancy(series, places.misfits, intake, at, shares)
 

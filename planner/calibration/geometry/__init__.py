@@ -1,4 +1,4 @@
-"""Pitch, skew, distortion, stage axes: a known part at several places of the stage.
+"""Pitch, skew, distortion, stage axes, light: a known part at several places.
 
 In: pictures with stage readings, a drawing, the workcell.
 Out: how image, drawing and stage scale against each other, with standard deviations.

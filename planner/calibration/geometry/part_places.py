@@ -18,6 +18,10 @@ from microplan.planner.calibration.geometry.drawn_edges import (
     drawn_scale,
     lone_points,
 )
+from microplan.planner.calibration.geometry.light_field import (
+    PlacedGain,
+    part_gain,
+)
 from microplan.planner.calibration.geometry.part_finder import PartFinder, seen_pixels
 from microplan.planner.calibration.geometry.stage_stop import StageStop
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
@@ -41,6 +45,7 @@ class PartPlace:
     right_px: float  # from the middle of the picture
     up_px: float
     drawn: DrawnScale | None
+    light: PlacedGain | None = None
 
     @property
     def tells_scale(self) -> bool:
@@ -83,17 +88,19 @@ class PartPlaces:
     ) -> PartPlace:
         """Return where a part is in a picture of (rows, columns)."""
         column, line = measured.column_px or 0.0, measured.row_px or 0.0
+        right, up = column - (size[1] - 1) / 2, (size[0] - 1) / 2 - line
+        drawn, gain = self._drawn(row, measured, size)
+        light = None
+        if gain is not None:
+            light = PlacedGain(right=right / size[1], up=up / size[0], gain=gain)
         return PartPlace(
-            reading=row,
-            right_px=column - (size[1] - 1) / 2,
-            up_px=(size[0] - 1) / 2 - line,
-            drawn=self._drawn(row, measured, size),
+            reading=row, right_px=right, up_px=up, drawn=drawn, light=light
         )
 
     def _drawn(
         self, row: PictureReading, measured: MeasuredPicture, size: tuple[int, int]
-    ) -> DrawnScale | None:
-        """Return how large the part looks, None if the picture does not tell.
+    ) -> tuple[DrawnScale | None, float | None]:
+        """Return how large the part looks and how bright, None if it is not told.
 
         Its misfit is kept.
         """
@@ -101,16 +108,17 @@ class PartPlaces:
         if self._lone is None:
             self._lone = lone_points(case)
         if measured.x_um is None or measured.y_um is None:
-            return None
+            return None, None
         x_um, y_um, turn = measured.pose
         meant = nominal_render(case)(dx_um=x_um, dy_um=y_um, theta_rad=turn)
         theta = case.target.theta_rad + turn
         place = row.x_um, row.y_um, row.group
         used = seen_pixels(measured.region, size) & ~_cut_off(measured.shown)
         self.misfits.add(place, case, measured.shown, meant, measured.at_px, used)
-        return drawn_scale(
+        drawn = drawn_scale(
             case, measured.shown, meant, measured.at_px, theta, self._lone
         )
+        return drawn, part_gain(measured.shown, meant, measured.at_px, used)
 
 
 def _cut_off(shown: FloatArray) -> BoolArray:
@@ -140,6 +148,16 @@ def stops_of(places: Sequence[PartPlace]) -> list[StageStop]:
     With the drawing's scale if most places tell it; of those alone.
     """
     return list(_stops(places, drawn=tell_scale(places)))
+
+
+def gains_of(places: Sequence[PartPlace]) -> list[list[PlacedGain]]:
+    """Return how bright the part is at each place, its pictures together."""
+    held: dict[tuple[float, float, str], list[PlacedGain]] = {}
+    for place in places:
+        if place.light is not None:
+            read = place.reading
+            held.setdefault((read.x_um, read.y_um, read.group), []).append(place.light)
+    return list(held.values())
 
 
 def tell_scale(places: Sequence[PartPlace]) -> bool:

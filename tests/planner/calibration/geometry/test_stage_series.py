@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +93,17 @@ def test_pitch_and_axes_come_out_within_their_deviations(
     report = Report()
     assert load_task(task, report) is not None
     assert not report.failed
+
+
+def test_uneven_light_comes_out_of_the_parts_brightness(folder: Path) -> None:
+    lit, out = replace(rig(FRAME), gradient=(0.2, -0.1)), folder / "lit.yaml"
+    moves = [Reading(stage_x_um=x, stage_y_um=y) for x, y in GRID]
+    assert call(folder, write_readings(folder / "lit", lit, moves), "-o", str(out)) == 0
+    new = yaml.safe_load(out.read_text(encoding="utf-8"))
+    assert new["light"]["gradient"] == pytest.approx(math.hypot(0.2, 0.1), rel=0.03)
+    for key, true in (("light_gradient_x", 0.2), ("light_gradient_y", -0.1)):
+        found = new["calibrated"][key]
+        assert abs(found["value"] - true) < SIGMAS * found["standard_deviation"]
 
 
 def some_of(folder: Path, name: str, kept: int) -> Path:

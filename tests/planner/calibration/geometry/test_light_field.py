@@ -1,0 +1,94 @@
+"""Gradients of light come out of a part's brightness at places, or are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from microplan.planner.calibration.calibrated_value import PictureSource
+from microplan.planner.calibration.estimates import Refused, VectorEstimate
+from microplan.planner.calibration.geometry.light_field import (
+    PlacedGain,
+    gradient_values,
+    light_gradient,
+    part_gain,
+)
+
+GRID = [(x, y) for x in (-0.3, 0.0, 0.3) for y in (-0.3, -0.1, 0.1, 0.3)]
+SOURCE = PictureSource(pictures=12, sha256="0")
+
+
+def places(
+    x: float, y: float, *, flicker: float = 1e-3, seed: int = 0, share: float = 1.0
+) -> list[list[PlacedGain]]:
+    """Return a part of brightness .7 in light that changes by x and y."""
+    rng = np.random.default_rng(seed)
+    return [
+        [
+            PlacedGain(
+                right=share * a,
+                up=share * b,
+                gain=0.7 * (1 + share * (x * a + y * b)) * (1 + flicker * rng.normal()),
+            )
+        ]
+        for a, b in GRID
+    ]
+
+
+def told(some: list[list[PlacedGain]]) -> VectorEstimate:
+    found = light_gradient(some)
+    assert isinstance(found, VectorEstimate)
+    return found
+
+
+def test_parts_of_a_gradient_come_out_within_their_deviations() -> None:
+    """The mean square of pulls of some nine free numbers is 9/7."""
+    pulls = []
+    for seed in range(100):
+        found = told(places(0.1, -0.05, seed=seed))
+        for k, true in enumerate((0.1, -0.05)):
+            one = found.one(k)
+            assert one.sigma
+            pulls.append((one.value - true) / one.sigma)
+    assert 0.9 < np.mean(np.square(pulls)) < 1.8
+
+
+def test_the_size_is_what_a_workcell_has() -> None:
+    found = told(places(0.3, 0.4, flicker=1e-4))
+    size, x, y = gradient_values(found, SOURCE, 0.2)
+    assert size.value == pytest.approx(0.5, abs=1e-3)
+    assert (size.where, x.where, y.where) == (("light", "gradient"), None, None)
+    assert size.sigma[0] == pytest.approx(1e-4 / 0.25 / 12**0.5, rel=0.9)
+    assert size.pull
+
+
+def test_even_light_has_no_size_by_chance() -> None:
+    sizes = [
+        next(gradient_values(told(places(0, 0, seed=k)), SOURCE, None)).value
+        for k in range(60)
+    ]
+    assert np.mean(np.array(sizes) == 0) > 0.3  # half of the squares are below 0
+
+
+def test_light_that_may_be_the_parts_own_brightness_is_refused() -> None:
+    for some, why in (
+        (places(0.1, 0)[:5], "5 places do not tell it from the part's own brightness"),
+        (places(0.1, 0)[:4] * 2, "all places lie on a line"),
+        (places(0.1, 0, flicker=0.02, share=0.05), "places so near one another"),
+        ([[] for _ in GRID], "0 places"),
+    ):
+        found = light_gradient(some)
+        assert isinstance(found, Refused)
+        assert why in found.why
+        assert "over all of the field, in the same light" in found.take
+
+
+def test_gain_is_that_at_the_parts_place() -> None:
+    row, column = np.indices((40, 60), dtype=np.float64)
+    disc = np.hypot(row - 18, column - 25) < 9
+    meant = np.asarray(0.1 + 0.7 * disc, dtype=np.float64)
+    used = np.ones(meant.shape, dtype=np.bool_)
+    light = 0.6 * (1 + 0.01 * (column - 25) - 0.005 * (row - 18))
+    found = part_gain(light * meant + 0.03, meant, (25.0, 18.0), used)
+    assert found == pytest.approx(0.6)
+    assert part_gain(-meant, meant, (25.0, 18.0), used) is None
