@@ -25,7 +25,7 @@ _ROUNDS = 3  # of placing and measuring: the second is within .01 px
 _WORST = 6.0  # times that scales err more because the offset is not known
 # px, by which edges at either end of a part differ between two exact images of it: as
 # much as pictures of twins and the compiler's images do
-TRUE_PX = 0.003
+TRUE_PX = 0.001
 _NEVER = 1e-6  # share of the largest singular value: scale and offset are one
 
 
