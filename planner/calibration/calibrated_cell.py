@@ -17,7 +17,10 @@ from microplan.planner.calibration.discrepancy.discrepancy_values import (
     with_discrepancy,
 )
 from microplan.planner.calibration.geometry.light_field import WHERE
-from microplan.planner.calibration.geometry.light_of_places import with_light_gradient
+from microplan.planner.calibration.geometry.light_of_places import (
+    StatedLight,
+    with_light,
+)
 from microplan.planner.calibration.geometry.part_finder import part_finder
 from microplan.planner.calibration.geometry.part_places import PartPlaces
 from microplan.planner.calibration.geometry.placed_stills import placed_stills
@@ -125,8 +128,11 @@ def _with_readings(
         series = stage_axes(readings, places, bend)
     else:
         series = placed_stills(readings, places)
-    gradient = _number(call.cell, *WHERE)
-    series = with_light_gradient(series, places, at, gradient)
+    lit = StatedLight(
+        gradient=_number(call.cell, *WHERE),
+        has_black=_number(call.cell, "camera", "black_level") is not None,
+    )
+    series = with_light(series, places, at, lit)
     shares = stated_shares(call.cell)
     return with_discrepancy(series, places.misfits, intake, at, shares)
 

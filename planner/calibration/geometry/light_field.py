@@ -36,13 +36,20 @@ class PlacedGain:
 
     right: float  # of the middle, shares of the picture's width
     up: float  # shares of its height
-    gain: float  # light over the image's
+    gain: float  # contrast of light over the image's
+    level: float = 0.0  # light besides, of full scale: black level, another background
+
+    def light_of(self, meant: float) -> float:
+        """Return light, 1 at full scale, of a face that has so much in the image."""
+        return self.gain * meant + self.level
 
 
 def part_gain(
     shown: FloatArray, meant: FloatArray, at_px: tuple[float, float], used: BoolArray
-) -> float | None:
-    """Return light over that of an image at a part's place; None if it shows none.
+) -> tuple[float, float] | None:
+    """Return contrast over that of an image at a part's place, and light besides.
+
+    None if the picture shows none.
 
     Parameters
     ----------
@@ -55,11 +62,11 @@ def part_gain(
     """
     down, right = (np.asarray(each) for each in np.gradient(meant))
     row, column = np.indices(meant.shape, dtype=np.float64)
-    x, y = (column - at_px[0]) * meant, (row - at_px[1]) * meant
-    columns = (meant, x, y, np.ones_like(meant), right, down)
-    design = np.stack([each[used] for each in columns], axis=1)
-    gain = float(np.linalg.lstsq(design, shown[used], rcond=None)[0][0])
-    return gain if gain > 0 else None
+    x, y = column - at_px[0], row - at_px[1]
+    columns = (meant, np.ones_like(meant), x * meant, y * meant, x, y, right, down)
+    design = np.stack([np.asarray(each)[used] for each in columns], axis=1)
+    found = np.linalg.lstsq(design, shown[used], rcond=None)[0]
+    return (float(found[0]), float(found[1])) if found[0] > 0 else None
 
 
 def light_gradient(groups: Sequence[Sequence[PlacedGain]]) -> VectorEstimate | Refused:

@@ -1,11 +1,15 @@
-"""The light's gradient as values of a series of places, or why they do not tell it."""
+"""Gradient and faces' ratio of light as values of a series, or why it tells none."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from microplan.planner.calibration.calibrated_value import CalibrationSeries
+from microplan.planner.calibration.calibrated_value import (
+    CalibrationSeries,
+    single,
+)
 from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.geometry.face_ratio import ABSOLUTE, face_ratio
 from microplan.planner.calibration.geometry.light_field import (
     gradient_values,
     light_gradient,
@@ -15,13 +19,21 @@ from microplan.planner.calibration.picture_intake import CODE
 from microplan.planner.source.diagnostics import Span
 
 
-def with_light_gradient(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedLight:
+    """What a workcell states of light."""
+
+    gradient: float | None
+    has_black: bool  # the camera's counts without light
+
+
+def with_light(
     series: CalibrationSeries | None,
     places: PartPlaces,
     where: Span,
-    stated: float | None,
+    stated: StatedLight,
 ) -> CalibrationSeries | None:
-    """Return a series with the gradient of its light, None if there is none.
+    """Return a series with the light's gradient and the faces' ratio, None for none.
 
     Parameters
     ----------
@@ -31,15 +43,25 @@ def with_light_gradient(
         Of these pictures; its report receives MP904 if they tell no gradient.
     where : Span
         Of the series, for findings.
-    stated : float, optional
+    stated : StatedLight
         By the workcell.
     """
     if series is None:
         return None
-    found = light_gradient(gains_of(places.found))
+    gains, case = gains_of(places.found), places.finder.first.region.case
+    source = places.intake.source()
+    ratio = face_ratio(gains, case, has_black=stated.has_black)
+    if isinstance(ratio, Refused):
+        words = f"no {ratio.what}: {ratio.why}; photograph {ratio.take}"
+        series = replace(series, notes=(*series.notes, words))
+    else:
+        value = single("reflectance_background_over_part", ratio, source)
+        notes = (*series.notes, ABSOLUTE)
+        series = replace(series, values=(*series.values, value), notes=notes)
+    found = light_gradient(gains)
     if isinstance(found, Refused):
         message = f"no {found.what}: {found.why}"
         places.intake.report.warning(CODE, where, message, f"photograph {found.take}")
         return series
-    values = tuple(gradient_values(found, places.intake.source(), stated))
+    values = tuple(gradient_values(found, source, stated.gradient))
     return replace(series, values=series.values + values)

@@ -89,17 +89,18 @@ class PartPlaces:
         """Return where a part is in a picture of (rows, columns)."""
         column, line = measured.column_px or 0.0, measured.row_px or 0.0
         right, up = column - (size[1] - 1) / 2, (size[0] - 1) / 2 - line
-        drawn, gain = self._drawn(row, measured, size)
+        drawn, seen = self._drawn(row, measured, size)
         light = None
-        if gain is not None:
-            light = PlacedGain(right=right / size[1], up=up / size[0], gain=gain)
+        if seen is not None:
+            across, high = right / size[1], up / size[0]
+            light = PlacedGain(right=across, up=high, gain=seen[0], level=seen[1])
         return PartPlace(
             reading=row, right_px=right, up_px=up, drawn=drawn, light=light
         )
 
     def _drawn(
         self, row: PictureReading, measured: MeasuredPicture, size: tuple[int, int]
-    ) -> tuple[DrawnScale | None, float | None]:
+    ) -> tuple[DrawnScale | None, tuple[float, float] | None]:
         """Return how large the part looks and how bright, None if it is not told.
 
         Its misfit is kept.

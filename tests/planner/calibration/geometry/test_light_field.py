@@ -90,5 +90,5 @@ def test_gain_is_that_at_the_parts_place() -> None:
     used = np.ones(meant.shape, dtype=np.bool_)
     light = 0.6 * (1 + 0.01 * (column - 25) - 0.005 * (row - 18))
     found = part_gain(light * meant + 0.03, meant, (25.0, 18.0), used)
-    assert found == pytest.approx(0.6)
+    assert found == pytest.approx((0.6, 0.03))
     assert part_gain(-meant, meant, (25.0, 18.0), used) is None

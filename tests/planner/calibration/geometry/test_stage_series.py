@@ -60,10 +60,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def call(folder: Path, pictures: Path, *words: str) -> int:
-    cell = ("--workcell", str(folder / "workcell.yaml"))
+def call(folder: Path, pictures: Path, *words: str, cell: str = "workcell") -> int:
+    workcell = ("--workcell", str(folder / f"{cell}.yaml"))
     part = ("--part", str(folder / "frame.dxf"), "--magnification", "20")
-    return main(["calibrate", str(pictures), *cell, *part, "--near", NEAR, *words])
+    return main(["calibrate", str(pictures), *workcell, *part, "--near", NEAR, *words])
 
 
 def test_pitch_and_axes_come_out_within_their_deviations(
@@ -95,7 +95,9 @@ def test_pitch_and_axes_come_out_within_their_deviations(
     assert not report.failed
 
 
-def test_uneven_light_comes_out_of_the_parts_brightness(folder: Path) -> None:
+def test_uneven_light_comes_out_of_the_parts_brightness(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     lit, out = replace(rig(FRAME), gradient=(0.2, -0.1)), folder / "lit.yaml"
     moves = [Reading(stage_x_um=x, stage_y_um=y) for x, y in GRID]
     assert call(folder, write_readings(folder / "lit", lit, moves), "-o", str(out)) == 0
@@ -104,6 +106,24 @@ def test_uneven_light_comes_out_of_the_parts_brightness(folder: Path) -> None:
     for key, true in (("light_gradient_x", 0.2), ("light_gradient_y", -0.1)):
         found = new["calibrated"][key]
         assert abs(found["value"] - true) < SIGMAS * found["standard_deviation"]
+    said = capsys.readouterr().out
+    assert "no ratio of reflectances: the workcell states no black_level" in said
+    assert "reflectance_background_over_part" not in new["calibrated"]
+
+
+def test_reflectances_are_told_as_a_ratio_where_darkness_is_known(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, out = (folder / "workcell.yaml").read_text(), folder / "ratio.yaml"
+    (folder / "black.yaml").write_text(
+        text.replace("sensor_um:", "black_level: 0, sensor_um:")
+    )
+    assert call(folder, folder / "moves", "-o", str(out), cell="black") == 0
+    found = yaml.safe_load(out.read_text())["calibrated"]
+    ratio = found["reflectance_background_over_part"]
+    assert abs(ratio["value"] - 0.1 / 0.8) < SIGMAS * ratio["standard_deviation"]
+    assert ratio["standard_deviation"] < 1e-3
+    assert "no absolute reflectance" in capsys.readouterr().out
 
 
 def some_of(folder: Path, name: str, kept: int) -> Path:
