@@ -47,10 +47,11 @@ from microplan.planner.source.diagnostics import (
     Report,
     Span,
 )
-from microplan.planner.source.schema import Checked, check
+from microplan.planner.source.schema import Checked, check, with_defaults
 from microplan.planner.source.source import parse
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.camera.check_camera import BITS, check_camera
+from microplan.planner.task.light.read_light import read_coherence
 
 _STATED = ("response", "black_level", "white_level", "full_well_e")
 _APART = 3.0  # standard deviations: two series contradict each other
@@ -131,6 +132,7 @@ def _with_readings(
     lit = StatedLight(
         gradient=_number(call.cell, *WHERE),
         has_black=_number(call.cell, "camera", "black_level") is not None,
+        coherence=read_coherence(with_defaults(call.cell.source.data, "workcell")),
     )
     series = with_light(series, places, at, lit)
     shares = stated_shares(call.cell)

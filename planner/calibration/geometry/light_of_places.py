@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from microplan.optics.coherence.degree import Coherence
 from microplan.planner.calibration.calibrated_value import (
     CalibrationSeries,
     single,
 )
 from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.geometry.coherence_words import coherence_words
 from microplan.planner.calibration.geometry.face_ratio import ABSOLUTE, face_ratio
 from microplan.planner.calibration.geometry.light_field import (
     gradient_values,
@@ -25,6 +27,7 @@ class StatedLight:
 
     gradient: float | None
     has_black: bool  # the camera's counts without light
+    coherence: Coherence | None  # None: incoherent
 
 
 def with_light(
@@ -52,12 +55,16 @@ def with_light(
     source = places.intake.source()
     ratio = face_ratio(gains, case, has_black=stated.has_black)
     if isinstance(ratio, Refused):
-        words = f"no {ratio.what}: {ratio.why}; photograph {ratio.take}"
-        series = replace(series, notes=(*series.notes, words))
+        why = f"no {ratio.what}: {ratio.why}; photograph {ratio.take}"
+        series = replace(series, notes=(*series.notes, why))
     else:
         value = single("reflectance_background_over_part", ratio, source)
         notes = (*series.notes, ABSOLUTE)
         series = replace(series, values=(*series.values, value), notes=notes)
+    offset = next((v for v in series.values if v.key == "edge_offset_um"), None)
+    faces = case.moving[0].reflectance, case.background
+    words = coherence_words(offset, faces, case.microscope, stated.coherence)
+    series = replace(series, notes=(*series.notes, *words))
     found = light_gradient(gains)
     if isinstance(found, Refused):
         message = f"no {found.what}: {found.why}"

@@ -115,15 +115,17 @@ def test_reflectances_are_told_as_a_ratio_where_darkness_is_known(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text, out = (folder / "workcell.yaml").read_text(), folder / "ratio.yaml"
-    (folder / "black.yaml").write_text(
-        text.replace("sensor_um:", "black_level: 0, sensor_um:")
-    )
+    text = text.replace("sensor_um:", "black_level: 0, sensor_um:")
+    text = text.replace("coherence: incoherent", "coherence: [0.3, 0.9]")
+    (folder / "black.yaml").write_text(text)
     assert call(folder, folder / "moves", "-o", str(out), cell="black") == 0
     found = yaml.safe_load(out.read_text())["calibrated"]
     ratio = found["reflectance_background_over_part"]
     assert abs(ratio["value"] - 0.1 / 0.8) < SIGMAS * ratio["standard_deviation"]
     assert ratio["standard_deviation"] < 1e-3
-    assert "no absolute reflectance" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "no absolute reflectance" in said
+    assert "no coherence: 0.3 to 0.9 moves edges by" in said
 
 
 def some_of(folder: Path, name: str, kept: int) -> Path:
