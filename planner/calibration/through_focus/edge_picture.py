@@ -13,12 +13,14 @@ from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.transfer.microscope import Terms
+from microplan.optics.transfer.wavefront import most_defocus_um
 from microplan.planner.calibration.geometry.part_finder import seen_pixels
 from microplan.planner.calibration.through_focus.edge_profile import EdgePoints
 from microplan.planner.measure.measuring import MeasuredPicture
 
 REACH_PX = 12.0  # from an edge: its blur to some two depths of field
 _FEWEST = 400  # pixels
+_STEEPEST = 0.99  # of the medium's index: no lens is wider
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,15 +49,18 @@ class EdgePicture:
     normals: FloatArray  # (2, N) of used pixels' nearest edges, right and down
 
     def image(self, lens: TriedLens) -> FloatArray:
-        """Return the image that a lens makes of it, (rows, columns), 0..1."""
-        scope = replace(
-            self.case.microscope, aperture=lens.aperture, wavefront=lens.terms
-        )
+        """Return the image that a lens makes of it, (rows, columns), 0..1.
+
+        Of apertures and defocus beyond what images are made for, that at the end.
+        """
+        scope = self.case.microscope
+        aperture = min(lens.aperture, _STEEPEST * scope.medium_index)
+        scope = replace(scope, aperture=aperture, wavefront=lens.terms)
+        most_um = _STEEPEST * most_defocus_um(scope)
+        z_um = min(max(lens.defocus_um(self.z_um), -most_um), most_um)
         seen = replace(self.case, microscope=scope, model="exact", sampling=Sampling())
         x_um, y_um, turn = self.pose
-        return nominal_render(seen)(
-            dx_um=x_um, dy_um=y_um, theta_rad=turn, dz_um=lens.defocus_um(self.z_um)
-        )
+        return nominal_render(seen)(dx_um=x_um, dy_um=y_um, theta_rad=turn, dz_um=z_um)
 
     def moved(self, right_px: float, down_px: float) -> EdgePicture:
         """Return the picture with its part expected elsewhere."""

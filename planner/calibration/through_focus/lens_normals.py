@@ -21,6 +21,9 @@ FIRST = 3  # numbers before the terms: aperture, zero um, scale
 # images jump by from one sampling of the pupil to the next
 _CHANGES, _WAVES = (4e-3, 0.1, 0.01), 4e-3
 _PRIOR = 0.1  # waves rms: of a term that edges do not show little is found
+_ANY = 10.0  # aperture, um or scale: such a prior only lets equations have a solution
+_LEAST = 1e-12  # of the variance
+_MOST_PX = 2.0  # that a part is moved by at once
 _MOST_WAVES = 0.2  # of one term
 _ROUNDS = 9
 _WAVE = 4 * math.sqrt(3)  # depths of field to a wave rms of paraxial defocus, Noll's
@@ -77,8 +80,8 @@ class LensFit:
 
         The prior keeps terms small that edges do not show.
         """
-        weights = np.zeros(len(self.numbers))
-        weights[FIRST:] = self.variance / _PRIOR**2
+        weights = np.full(len(self.numbers), max(self.variance, _LEAST) / _ANY**2)
+        weights[FIRST:] *= (_ANY / _PRIOR) ** 2
         normal = np.sum([step.normal for step in self.steps], axis=0)
         slope = np.sum([step.slope for step in self.steps], axis=0)
         return normal + np.diag(weights), slope + weights * self.numbers
@@ -135,7 +138,10 @@ def _placed(picture: EdgePicture, lens: TriedLens) -> EdgePicture:
     light, right, down = np.linalg.lstsq(
         picture.design(image), picture.shown[picture.used], rcond=None
     )[0][:3].tolist()
-    return picture.moved(-right / light, -down / light) if light > 0 else picture
+    if light <= 0:
+        return picture
+    by = np.clip([-right / light, -down / light], -_MOST_PX, _MOST_PX)
+    return picture.moved(float(by[0]), float(by[1]))
 
 
 def _by_step(

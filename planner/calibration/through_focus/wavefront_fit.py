@@ -135,7 +135,7 @@ def _term(fit: LensFit, left: Sequence[int], index: int) -> WavefrontTerm:
     return WavefrontTerm(
         noll=fit.nolls[index],
         waves=_estimate(fit, _free(left)).one(place),
-        better=error / without,
+        better=error / max(without, 1e-300),
     )
 
 

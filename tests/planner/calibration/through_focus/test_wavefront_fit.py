@@ -98,3 +98,16 @@ def test_a_term_is_kept_only_if_steps_left_out_are_foretold_better() -> None:
     )
     assert not told(changed)
     assert not told(fit)
+
+
+def test_pictures_that_tell_nothing_tell_no_aberration() -> None:
+    """No number changes an image: equations have a solution all the same."""
+    size = FIRST + len(NOLLS)
+    empty = StepNormals(
+        normal=np.zeros((size, size)), slope=np.zeros(size), square=0.0, count=PIXELS
+    )
+    fit = LensFit(
+        nolls=NOLLS, numbers=np.append([0.4, 0.0, 1.0], np.zeros(len(NOLLS))),
+        steps=(empty,) * STEPS, wave_um=24.0,
+    )  # fmt: skip
+    assert not told(fit)
