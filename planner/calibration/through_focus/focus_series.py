@@ -15,7 +15,7 @@ from microplan.planner.calibration.calibrated_value import (
     PictureSource,
     single,
 )
-from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.estimates import FEWEST_BLOCKS, Refused
 from microplan.planner.calibration.geometry.part_finder import PartFinder
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
@@ -108,8 +108,11 @@ def focus_axis(
         return None
     lens = fit_wavefront(pictures, found.numbers.values)
     if isinstance(lens, Refused):
-        message = f"no {lens.what}: {lens.why}"
-        report.warning(CODE, where, message, f"photograph {lens.take}")
+        few = len(steps) < FEWEST_BLOCKS  # else aberrations may mislead all numbers
+        tell = report.warning if few else report.error
+        tell(CODE, where, f"no {lens.what}: {lens.why}", f"photograph {lens.take}")
+        if not few:
+            return None
     return _series(found, lens, steps, table, intake.source(), stated)
 
 
