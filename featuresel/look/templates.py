@@ -102,7 +102,7 @@ def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
         width_px=case.microscope.width_px * over,
         height_px=case.microscope.height_px * over,
         fill_factor=_POINT,
-        disc_side_um=case.microscope.side_um,
+        disc_side_um=case.microscope.shown_side_um,
     )
     return replace(
         case,

@@ -15,14 +15,7 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.constraints import Constraints
-from microplan.featuresel.selection.race import (
-    Contenders,
-    Race,
-    chains_ahead,
-    race,
-    round_ends,
-    sure_chains,
-)
+from microplan.featuresel.selection.race import Race, chains_ahead, race, round_ends
 from microplan.featuresel.selection.select import Limits, Selection, select
 from microplan.featuresel.trials.chains import Chain, chains, routines
 from microplan.featuresel.trials.outcomes import Outcomes
@@ -269,14 +262,10 @@ class _Judge:
 
     def ahead(
         self, before: RoutineComparison | None, scores: Sequence[ChainScore]
-    ) -> Contenders:
+    ) -> frozenset[Chain]:
         """Return the chains that the choice hangs on, an earlier contest's included."""
         whole = [*(before.scores if before else ()), *scores]
-        found = select(whole, self.task)
-        return Contenders(
-            chains=chains_ahead(whole, found, self.task),
-            sure=sure_chains(found, self.task),
-        )
+        return chains_ahead(whole, select(whole, self.task), self.task)
 
 
 def make_ready(

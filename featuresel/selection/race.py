@@ -60,30 +60,9 @@ def chains_ahead(
     return frozenset([*before, *instead])
 
 
-def sure_chains(found: Selection, task: Constraints) -> frozenset[Chain]:
-    """Return chosen and fallback where both leave room in every tolerance, else none.
-
-    If the choice hangs on these alone only trials at the extremes can change it.
-    """
-    both = found.chosen, found.fallback
-    if any(score is None or not task.has_margin(score) for score in both):
-        return frozenset()
-    return frozenset(score.chain for score in both if score is not None)
-
-
 SHOWN = 24  # trials before a chain waits: what it can do shows in these
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Contenders:
-    """The chains that a choice hangs on."""
-
-    chains: Collection[Chain]
-    # if they are all: their random trials may end
-    sure: Collection[Chain] = ()
-
-
-Ahead = Callable[[Sequence[ChainScore]], Contenders]
+Ahead = Callable[[Sequence[ChainScore]], Collection[Chain]]
 Run = Callable[[PreparedRoutines, Sequence[Trial]], Sequence[Outcome]]
 Scored = Callable[[PreparedRoutines, Sequence[Outcome]], tuple[ChainScore, ...]]
 
@@ -100,20 +79,19 @@ class Heats:
     ahead: Ahead | None  # the chains that the choice hangs on; None: always all
     outcomes: Outcomes = field(default_factory=Outcomes.of)
     done: dict[Chain, int] = field(default_factory=dict)  # trials of each chain
-    corners: dict[Chain, int] = field(default_factory=dict)  # up to which: the same
     dropped: list[tuple[Chain, str]] = field(default_factory=list)
 
     def round(self, end: int) -> list[ChainScore]:
         """Try the chains that the choice hangs on up to a trial; return their scores.
 
         Who that is may change with the trials: none is left out that matters by the
-        scores of all. Where it is sure they get their corners alone.
+        scores of all.
         """
-        due, is_sure = self._due(end)
+        due = self._due(end)
         while due:
-            self._try(due, end, only_corners=is_sure)
-            due, is_sure = self._due(end)
-        return [score for score in self._scores() if self._reached(score.chain) == end]
+            self._try(due, end)
+            due = self._due(end)
+        return [score for score in self._scores() if score.trials == end]
 
     def left(
         self, scores: Sequence[ChainScore], fallen: Sequence[tuple[Chain, str]]
@@ -134,46 +112,25 @@ class Heats:
             replace(self.prepared, chains=self._running()), self.outcomes
         )
 
-    def _due(self, end: int) -> tuple[list[Chain], bool]:
-        """Return the chains that have to be tried now, and whether at corners alone."""
+    def _due(self, end: int) -> list[Chain]:
+        """Return the chains that have to be tried now."""
         behind = [chain for chain in self._running() if self._had(chain) < end]
         if self.ahead is None or any(self._had(chain) < SHOWN for chain in behind):
-            return behind, False
-        if not behind:
-            return [], False
+            return behind
         # of all, those that fell too: they may pass, and stand before others
-        found = self.ahead(self.judged(self.prepared, self.outcomes))
-        due = [chain for chain in behind if chain in found.chains]
-        if set(due) <= set(found.sure):
-            return [chain for chain in due if self._reached(chain) < end], True
-        return due, False
+        wanted = self.ahead(self.judged(self.prepared, self.outcomes)) if behind else ()
+        return [chain for chain in behind if chain in wanted]
 
-    def _try(self, chains: Sequence[Chain], end: int, *, only_corners: bool) -> None:
+    def _try(self, chains: Sequence[Chain], end: int) -> None:
         """Try chains up to a trial, those together that had as many."""
-        for had in sorted({self._stands(chain) for chain in chains}):
-            group = tuple(chain for chain in chains if self._stands(chain) == had)
+        for had in sorted({self._had(chain) for chain in chains}):
+            group = tuple(chain for chain in chains if self._had(chain) == had)
             racing = replace(self.prepared, chains=group)
-            first, cornered = had
-            some = [
-                trial
-                for trial in self.trials[first:end]
-                if not (trial.corner and trial.index < cornered)
-                and (trial.corner or not only_corners)
-            ]
-            self.outcomes += Outcomes.of(self.run(racing, some))
-            self.corners.update(dict.fromkeys(group, end))
-            if not only_corners:
-                self.done.update(dict.fromkeys(group, end))
+            self.outcomes += Outcomes.of(self.run(racing, self.trials[had:end]))
+            self.done.update(dict.fromkeys(group, end))
 
     def _had(self, chain: Chain) -> int:
         return self.done.get(chain, 0)
-
-    def _reached(self, chain: Chain) -> int:
-        """Return up to which trial a chain had its corners, at least."""
-        return max(self._had(chain), self.corners.get(chain, 0))
-
-    def _stands(self, chain: Chain) -> tuple[int, int]:
-        return self._had(chain), self._reached(chain)
 
 
 ROUNDS = (32, 256, 1024)  # trials at the end of each
@@ -221,9 +178,8 @@ def race(
       right no less often and wrong without a failure no more often. One of another
       principle or beginning is kept: it may be the fallback.
 
-    After `microplan.featuresel.selection.race.SHOWN` trials only those chains go on
-    that `ahead` tells, those that are sure at corners alone; the others follow where
-    that changes.
+    After `microplan.featuresel.selection.race.SHOWN` trials only those chains
+    go on that `ahead` tells; the others follow where that changes.
 
     The race ends when no chain is left, after `most` trials, or when a chain is proved
     good enough with room to spare and none that is cheaper is left.

@@ -288,7 +288,7 @@ def _cut(microscope: Microscope, crop: Window, step_um: float) -> _Cells:
         width_px=microscope.width_px * n,
         height_px=microscope.height_px * n,
         fill_factor=1.0,
-        disc_side_um=microscope.side_um,
+        disc_side_um=microscope.shown_side_um,
     )
     window = Window(
         row=crop.row * n,

@@ -49,7 +49,8 @@ class Microscope:
             raise ValueError(
                 f"halo must be um > 0 and a share of 0..1, got {self.halo}"
             )
-        if self.disc_side_um is not None and not self.disc_side_um > 0:
+        side_um = self.disc_side_um
+        if side_um is not None and not (side_um > 0 and math.isfinite(side_um)):
             raise ValueError(f"disc_side_um must be > 0, got {self.disc_side_um}")
         if self.fill_factor > 1:
             raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
@@ -75,6 +76,11 @@ class Microscope:
     def side_um(self) -> float:
         """Return the side of a pixel's light-sensitive area in object space, um."""
         return self.um_per_px * math.sqrt(self.fill_factor)
+
+    @property
+    def shown_side_um(self) -> float:
+        """Return that of the pixels by which discs in focus are where they are, um."""
+        return self.disc_side_um or self.side_um
 
     @property
     def without_pixels(self) -> Microscope:

@@ -84,7 +84,7 @@ def disc_shift_um(microscope: Microscope) -> tuple[float, float]:
     """
     if not microscope.wavefront:
         return 0.0, 0.0
-    lens, side = microscope, microscope.disc_side_um or microscope.side_um
+    lens, side = microscope, microscope.shown_side_um
     f = lens.cutoff_per_um * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
     x = y = 0.0
     for angle, line in zip(_angles(), _lines(lens.without_pixels), strict=True):

@@ -87,7 +87,9 @@ def measure(
         found = fitted(job, found.pose)
     if isinstance(found, Failure):
         return found
-    return answer(replace(found, is_signed=True), p, guess)
+    # images at one offset are as one: they need not tell a side
+    is_signed = found.is_signed or max(offsets_um) > min(offsets_um)
+    return answer(replace(found, is_signed=is_signed), p, guess)
 
 
 def _at_focus(job: ImageComparison, start: ImagePose) -> ImagePose:

@@ -209,12 +209,12 @@ def _sided(job: ImageComparison, found: PoseFit) -> PoseFit:
     if isinstance(other, Failure):
         return found
     z_um, there_um = found.pose.z_um, other.pose.z_um
-    if z_um * there_um >= 0 or abs(z_um - there_um) < found.sigma[3]:
+    if abs(z_um - there_um) < found.sigma[3]:
         return replace(found, is_signed=True)
     more = excess(job, found, other)
     better = other if more < 0 else found
     refuted = abs(more) > _REFUTED**2 * max(1.0, better.quality.chi2)
-    return replace(better, is_signed=refuted)
+    return replace(better, is_signed=refuted or z_um * there_um > 0)
 
 
 def _veiled(job: ImageComparison, found: PoseFit) -> PoseFit:

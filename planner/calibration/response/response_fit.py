@@ -181,13 +181,14 @@ def _numbers(
     """Return gamma and black; `without`: (2,) of each light left out.
 
     `black` is that of a table. With few lights leaving them out finds too small a
-    deviation by chance: variances are the mean with those of readings that err alike.
+    deviation by chance: where that of readings that err alike is larger, variances are
+    the mean of both.
     """
     values = np.array([power.gamma, power.black if black is None else black])
     covariance = jackknife_covariance(without)
     if covariance is not None:
         own = np.maximum(np.diag(covariance), 1e-300)
-        up = np.sqrt((1.0 + common_errors(levels, power) / own) / 2)
+        up = np.sqrt(np.maximum((1.0 + common_errors(levels, power) / own) / 2, 1.0))
         covariance = covariance * np.outer(up, up)
     found = VectorEstimate(
         values=values,

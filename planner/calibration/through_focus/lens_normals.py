@@ -23,6 +23,7 @@ _CHANGES, _WAVES = (4e-3, 0.1, 0.01), 4e-3
 _PRIOR = 0.1  # waves rms: of a term that edges do not show little is found
 _ANY = 10.0  # aperture, um or scale: such a prior only lets equations have a solution
 _LEAST = 1e-12  # of the variance
+_ALIKE_PX = 0.05  # by which parts of pictures with the same slopes lie apart at most
 _MOST_PX = 2.0  # that a part is moved by at once
 _MOST_WAVES = 0.2  # of one term
 _ROUNDS = 9
@@ -155,9 +156,7 @@ def _by_step(
             _normals(
                 shot,
                 lens_of(numbers, nolls),
-                slopes
-                if shot.shown.shape == slopes.shape[1:]
-                else _slopes(shot, numbers, nolls),
+                slopes if _is_alike(shot, held[0]) else _slopes(shot, numbers, nolls),
             )
             for shot in held
         ]
@@ -167,6 +166,15 @@ def _by_step(
             square=sum(each.square for each in sums),
             count=sum(each.count for each in sums),
         )
+
+
+def _is_alike(one: EdgePicture, other: EdgePicture) -> bool:
+    """Return whether two pictures show a part so nearly alike that slopes are."""
+    a, b = one.case, other.case
+    off_um = math.dist(one.pose[:2], other.pose[:2])
+    turn_um = abs(one.pose[2] - other.pose[2]) * a.target.size_um
+    apart_px = max(off_um, turn_um) / a.microscope.um_per_px
+    return a.window == b.window and apart_px < _ALIKE_PX
 
 
 def _slopes(

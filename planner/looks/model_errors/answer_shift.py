@@ -33,6 +33,11 @@ class AnswerShift:
     sigma: FloatArray  # standard deviation at an end, over poses
     changes: tuple[Changes, ...] = ()  # pose by pose, of each end tried at all of them
 
+    @property
+    def goes_on(self) -> bool:
+        """Return whether it was tried at more poses than the least."""
+        return any(trial >= LEAST for each in self.changes for trial in each)
+
 
 def difference(
     ends: Sequence[Poses],

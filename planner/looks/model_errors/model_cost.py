@@ -142,8 +142,8 @@ def _too_few(
 def model_cost(found: Sequence[EffectDifference]) -> ModelCost | None:
     """Return what all effects cost together, None of none.
 
-    Poses are the same for all of them: half-widths add up, and so would standard
-    deviations at most.
+    Half-widths add up, and so would standard deviations at most: those of models that
+    went on to more poses than the least do with those of the others.
     """
     if not found:
         return None
@@ -186,8 +186,17 @@ def _added(shifts: Sequence[AnswerShift]) -> FloatArray:
 
     Their sum's square where poses in common are too few.
     """
+    groups = [[s for s in shifts if s.goes_on is each] for each in (True, False)]
+    found = [_added_together(group) for group in groups if group]
+    more = _sum([np.sqrt(np.maximum(each, 0.0)) for each in found])
+    less = _sum([np.minimum(each, 0.0) for each in found])
+    return np.asarray(more**2 + less)
+
+
+def _added_together(shifts: Sequence[AnswerShift]) -> FloatArray:
+    """Return the same of shifts at as many poses, at least one."""
     most = _sum([shift.sigma for shift in shifts]) ** 2
-    if not shifts or not all(shift.changes for shift in shifts):
+    if not all(shift.changes for shift in shifts):
         return most
     ends = max(len(shift.changes) for shift in shifts)
     found = [

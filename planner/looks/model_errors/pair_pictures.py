@@ -24,7 +24,7 @@ _MARGIN_PX = 12  # of a crop around the target's contour
 # Rays a pixel: as many as their time allows. `occluded` errs by .0022 rms with 128 and
 # by .0042 with 64 over the shaft, where it errs most.
 _SAMPLES, _FEWEST, _MOST = 1 << 20, 64, 128
-_MOST_BYTES = 1 << 26  # of pictures that are kept
+_MOST_BYTES = 1 << 25  # of pictures that are kept, of some models
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -15,14 +15,7 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Principle
 from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.evaluate import compare_routines
-from microplan.featuresel.selection.race import (
-    SHOWN,
-    Contenders,
-    Heats,
-    chains_ahead,
-    race,
-    sure_chains,
-)
+from microplan.featuresel.selection.race import SHOWN, Heats, chains_ahead, race
 from microplan.featuresel.selection.select import Selection, select
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
@@ -114,22 +107,14 @@ def test_whatever_a_waiting_chain_shows_the_choice_stays(
     assert again.fallback == found.fallback
 
 
-def heats_of(
-    case: LookCase, script: dict[int, set[str]], sure: Sequence[set[str]] = ()
-) -> tuple[Heats, list[str]]:
-    """Return heats that note who is tried, and of whom the choice hangs by trials.
-
-    `sure`: of whom alone it hangs, each time that it is asked.
-    """
-    asked = iter(sure)
+def heats_of(case: LookCase, script: dict[int, set[str]]) -> tuple[Heats, list[str]]:
+    """Return heats that note who is tried, and of whom the choice hangs by trials."""
     noted: list[str] = []
     chains = tuple((name,) for name in "abc")
 
     def run(racing: PreparedRoutines, trials: Sequence[Trial]) -> list[Outcome]:
         names = "".join(name for (name,) in racing.chains)
-        corners = "corners " if all(trial.corner for trial in trials) else ""
-        few = "" if any(trial.corner for trial in trials) else "without corners "
-        noted.append(f"{names} {corners}{few}{trials[0].index}..{trials[-1].index}")
+        noted.append(f"{names} {trials[0].index}..{trials[-1].index}")
         return []
 
     def scored(
@@ -146,10 +131,7 @@ def heats_of(
         run=run,
         scored=scored,
         judged=scored,
-        ahead=lambda scores: Contenders(
-            chains={(n,) for n in script[max(s.trials for s in scores)]},
-            sure={(n,) for n in next(asked, ())},
-        ),
+        ahead=lambda scores: {(n,) for n in script[max(s.trials for s in scores)]},
     )
     return heats, noted
 
@@ -163,30 +145,6 @@ def test_who_waited_makes_up_for_all_that_was_missed(look: Look) -> None:
     assert [score.chain for score in scores] == [("a",), ("b",)]
 
 
-def test_the_sure_ones_get_corners_alone_until_these_show_something(look: Look) -> None:
-    """Then the others follow, and none is tried twice."""
-    script, both = {24: {"a", "b"}, 64: {"a", "b", "c"}}, {"a", "b"}
-    heats, noted = heats_of(look("post"), script, [both, both, set()])
-    for end in (8, SHOWN, 64):
-        scores = heats.round(end)
-    assert noted[2:] == ["ab corners 27..63"]
-    assert [score.chain for score in scores] == [("a",), ("b",)]
-    assert heats.done == {(name,): SHOWN for name in "abc"}
-    heats, noted = heats_of(look("post"), script, [both, set()])
-    for end in (8, SHOWN, 64):
-        heats.round(end)
-    rest = ["ab without corners 24..62", "c 24..63"]
-    assert noted[2:] == ["ab corners 27..63", *rest]
-    assert heats.done == {(name,): 64 for name in "abc"}
-
-
-def test_chosen_and_fallback_are_sure_where_both_leave_room() -> None:
-    roomy, tight = [a_score("a", 0.1, 1), a_score("b", 0.1, 2)], a_score("b", 0.3, 2)
-    assert sure_chains(selected(roomy), TASK) == {("a",), ("b",)}
-    for scores in ([roomy[0], tight], roomy[:1]):
-        assert not sure_chains(selected(scores), TASK)
-
-
 def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) -> None:
     case = replace(look("post"), tolerance_um=0.8)
     task = replace(TASK, tolerance_um=0.8)
@@ -196,11 +154,7 @@ def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) ->
         return select(scores, Constraints(tolerance_um=0.8, tolerance_theta_rad=None))
 
     held = partial(race, case, ready, root_seed=3, most=40, rounds=(8, 24))
-    some = held(
-        ahead=lambda scores: Contenders(
-            chains=chains_ahead(scores, choice(scores), task)
-        )
-    )
+    some = held(ahead=lambda scores: chains_ahead(scores, choice(scores), task))
     whole = held()
     assert choice(some.scores).chosen == choice(whole.scores).chosen
     assert choice(some.scores).fallback == choice(whole.scores).fallback
@@ -220,7 +174,7 @@ def test_a_chain_that_fell_is_judged_with_the_others_and_tried_no_more(
     ahead = heats.ahead
     assert ahead is not None
 
-    def watched(scores: Sequence[ChainScore]) -> Contenders:
+    def watched(scores: Sequence[ChainScore]) -> Collection[Chain]:
         judged.append(tuple(score.chain for score in scores))
         return ahead(scores)
 

@@ -68,13 +68,13 @@ def test_terms_put_in_are_told_within_their_deviations() -> None:
 
 
 def test_a_lens_without_aberrations_has_none() -> None:
-    """Of seven terms some .5 % would be taken for one in a series."""
+    """By sureness alone 2 % of series would have one of seven."""
     none = np.zeros(FIRST + len(NOLLS))
     false = sum(bool(told(drawn(none, np.random.default_rng(k)))) for k in range(200))
     assert false <= 4
 
 
-def test_five_readings_are_refused() -> None:
+def test_pictures_without_readings_are_refused() -> None:
     pictures: list[EdgePicture] = []
     found = fit_wavefront(pictures, np.array([0.4, 0.0, 1.0]))
     assert isinstance(found, Refused)

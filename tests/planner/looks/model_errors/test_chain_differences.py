@@ -13,6 +13,7 @@ from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.model_errors.better_models import BetterModel, ImageModel
 from microplan.planner.looks.model_errors.chain_differences import DifferenceMeter
+from microplan.planner.looks.model_errors.model_cost import EffectDifference
 from microplan.planner.looks.model_errors.used_poses import LEAST
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.views.requests import requests
@@ -43,7 +44,7 @@ def tried(problem: LookProblem) -> Evaluation:
 def differences(
     problem: LookProblem, tried: Evaluation, tolerance_um: float
 ) -> list[tuple[int, float]]:
-    """Return pairs and mean of two models for one chain: displaced, and the same."""
+    """Return pairs and mean of two models for one chain: the same, and displaced."""
     off = tuple(
         replace(layer, outline=place(layer.outline, OFF_UM, 0.0))
         for layer in tried.case.moving
@@ -54,7 +55,7 @@ def differences(
             by=name,
             ends=(ImageModel(cases=((1.0, replace(tried.case, moving=moving)),)),),
         )
-        for name, moving in (("displaced", off), ("same", tried.case.moving))
+        for name, moving in (("same", tried.case.moving), ("displaced", off))
     )
     case = replace(tried.case, tolerance_um=tolerance_um)
     chain: Chain = ("otsu",)
@@ -68,10 +69,44 @@ def test_only_models_that_matter_get_more_poses(
     problem: LookProblem, tried: Evaluation
 ) -> None:
     """Images that are the same leave nothing open, at any tolerance."""
-    (least, rough_um), (none, _) = differences(problem, tried, 100.0)
+    (none, _), (least, rough_um) = differences(problem, tried, 100.0)
     assert (least, none) == (LEAST, LEAST)
-    (most, close_um), (none, same_um) = differences(problem, tried, 0.5)
+    (none, same_um), (most, close_um) = differences(problem, tried, 0.5)
     assert (most, none) == (MORE, LEAST)
     assert same_um == 0
     for mean_um in (rough_um, close_um):
         assert mean_um == pytest.approx(OFF_UM, abs=0.05)
+
+
+def only(found: tuple[EffectDifference, ...] | str) -> EffectDifference:
+    """Return the one effect's difference."""
+    assert not isinstance(found, str), found
+    (each,) = found
+    return each
+
+
+def test_what_one_chain_lacks_gives_another_no_more_poses(
+    problem: LookProblem, tried: Evaluation
+) -> None:
+    off = tuple(
+        replace(layer, outline=place(layer.outline, OFF_UM, 0.0))
+        for layer in tried.case.moving
+    )
+    model = BetterModel(
+        effects=("displaced",),
+        by="displaced",
+        ends=(ImageModel(cases=((1.0, replace(tried.case, moving=off)),)),),
+    )
+    case = replace(tried.case, tolerance_um=0.5)
+    look, rough, fine = replace(tried, case=case), ("otsu",), ("ncc", "ecc")
+    both, alone = (
+        DifferenceMeter(problem=problem, models=(model,)).differences(look, chains)
+        for chains in ((rough, fine), (fine,))
+    )
+    there, here, own = (
+        only(found[chain])
+        for found, chain in ((both, rough), (both, fine), (alone, fine))
+    )
+    assert (there.place.pairs, here.place.pairs) == (MORE, LEAST)
+    assert (here.place.mean == own.place.mean).all()
+    assert (here.place.half_width == own.place.half_width).all()

@@ -104,6 +104,30 @@ def effect(mean: float, sigma: float) -> EffectDifference:
     )  # fmt: skip
 
 
+def tried_at(count: int, size: float, seed: int) -> EffectDifference:
+    """Return an effect that changes answers by noise, at so many poses."""
+    rng = np.random.default_rng(seed)
+    ends = [poses(rng.normal(0, size, (count, 2)))]
+    still = [poses(np.zeros((count, 3)))]
+    place = difference(ends, still, no_errors(ends), is_apart=False)
+    return replace(effect(0.0, 0.0), place=place)
+
+
+def test_what_went_on_keeps_all_its_poses_beside_what_did_not() -> None:
+    big, other = tried_at(48, 0.2, 1), tried_at(48, 0.1, 2)
+    small = tried_at(LEAST, 0.01, 3)
+    (alone, pair, little, both) = (
+        model_cost(some) for some in ([big], [big, other], [small], [big, small])
+    )
+    assert alone and pair and little and both  # noqa: PT018 - none is missing
+    for k in range(2):
+        own = np.array([each.sigma_um[k] for each in (alone, little)])
+        assert own[0] == pytest.approx(0.2, rel=0.3)
+        assert both.sigma_um[k] == pytest.approx(own.sum())
+        # independent ones at the same poses add up in squares
+        assert pair.sigma_um[k] == pytest.approx(math.hypot(0.2, 0.1), rel=0.3)
+
+
 def test_effects_add_up_linearly() -> None:
     """They are of the same poses: no root of squares."""
     found = model_cost([effect(0.2, 0.03), effect(0.1, 0.04)])
