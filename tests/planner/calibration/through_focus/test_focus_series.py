@@ -66,7 +66,7 @@ def told(folder: Path, pictures: Path, cell: str) -> Any:
     return yaml.safe_load(out.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("stated", [0.28, 0.56])
+@pytest.mark.parametrize("stated", [0.28, pytest.param(0.56, marks=pytest.mark.slow)])
 def test_aperture_and_focus_come_out_within_their_deviations(
     folder: Path, pictures: Path, stated: float
 ) -> None:
