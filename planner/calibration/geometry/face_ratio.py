@@ -42,7 +42,9 @@ def face_ratio(
         why = "the workcell states no black_level, which looks alike"
         return Refused(what=what, why=why, take="one scene in several lights first")
     faces = {layer.reflectance for layer in case.moving}
-    if case.ring is not None or case.microscope.lamp_aperture or len(faces) != 1:
+    is_shaded = case.lamp_aperture is not None and case.background_z_um is not None
+    is_narrow = case.microscope.lamp_aperture is not None
+    if case.ring is not None or is_shaded or is_narrow or len(faces) != 1:
         why = "faces are not of one brightness in this light"
         return Refused(what=what, why=why, take="the part in coaxial light")
     if not any(groups):

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer
 from microplan.planner.calibration.calibrated_value import PictureSource
-from microplan.planner.calibration.estimates import Refused, VectorEstimate
+from microplan.planner.calibration.estimates import (
+    BlockEstimate,
+    Refused,
+    VectorEstimate,
+)
+from microplan.planner.calibration.geometry.face_ratio import face_ratio
 from microplan.planner.calibration.geometry.light_field import (
     PlacedGain,
     gradient_values,
     light_gradient,
     part_gain,
 )
+from tests.featuresel.conftest import disc, make_case
 
 GRID = [(x, y) for x in (-0.3, 0.0, 0.3) for y in (-0.3, -0.1, 0.1, 0.3)]
 SOURCE = PictureSource(pictures=12, sha256="0")
@@ -92,3 +102,24 @@ def test_gain_is_that_at_the_parts_place() -> None:
     found = part_gain(light * meant + 0.03, meant, (25.0, 18.0), used)
     assert found == pytest.approx((0.6, 0.03))
     assert part_gain(-meant, meant, (25.0, 18.0), used) is None
+
+
+def test_a_background_in_the_parts_shade_tells_no_ratio() -> None:
+    """Nor does light that fills less than the objective; else it is level over gain."""
+    layer = Layer(
+        name="part", outline=Outline(rings=(disc(12.0),)), z_um=0.0, reflectance=0.8
+    )
+    case = make_case("circle", {"radius_um": 12.0}, (layer,))
+    case = replace(case, background=0.2, lamp_aperture=None)
+    one = PlacedGain(right=0.0, up=0.0, gain=0.5, level=0.0)
+    found = face_ratio([[one]], case, has_black=True)
+    assert isinstance(found, BlockEstimate)
+    assert found.value == pytest.approx(0.25)
+    narrow = replace(case.microscope, lamp_aperture=case.microscope.aperture / 2)
+    for dark in (
+        replace(case, lamp_aperture=0.1, background_z_um=-50.0),
+        replace(case, microscope=narrow),
+    ):
+        refused = face_ratio([[one]], dark, has_black=True)
+        assert isinstance(refused, Refused)
+        assert "not of one brightness" in refused.why
