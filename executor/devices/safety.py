@@ -56,7 +56,7 @@ class Safety:
     fingers_above_stage_um: float = 0.0
     close_phases: tuple[Phase, ...] = ("insert",)
     call_s: float = 5.0  # a device call may take so long
-    grab_s: float = 60.0  # the camera's; the simulated one renders
+    grab_s: float = 60.0  # the camera's
     poll_s: float = 0.02  # between two readings of a moving axis
 
     def phase(self, name: Phase) -> PhaseLimit:

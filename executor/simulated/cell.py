@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.executor.devices.safety import Rules, Settle, Speeds
+from microplan.executor.devices.safety import Rules, Safety, Settle, Speeds
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.simulated.axes import DriveError, SimAxes
 from microplan.executor.simulated.camera import (
@@ -23,7 +23,12 @@ from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.gripper import SimGripper
 from microplan.executor.simulated.judging import Verdict, judge
 from microplan.executor.simulated.lens import SimLens, drawn_errors
-from microplan.executor.simulated.timeline import DeviceFaults, SimClock, Timeline
+from microplan.executor.simulated.timeline import (
+    RENDER_S,
+    DeviceFaults,
+    SimClock,
+    Timeline,
+)
 from microplan.executor.simulated.truth import Truth, made_truth
 from microplan.schemas.files.world import World, WorldAxes
 
@@ -156,7 +161,7 @@ def build_cell(
         camera=eye,
         clock=clock,
         offer=offer_of(world),
-        rules=rules_of(world),
+        rules=rules_of(world, hangs=wrong.is_asked("camera_hangs")),
     )
     return Cell(
         truth=truth, station=station, stage=stage, robot=robot, jaws=jaws, lens=lens,
@@ -213,9 +218,14 @@ def offer_of(world: World) -> Offer:
     )
 
 
-def rules_of(world: World) -> Rules:
-    """Return the rules of the simulated axes."""
+def rules_of(world: World, *, hangs: bool = False) -> Rules:
+    """Return the rules of the simulated axes, and of a camera that renders.
+
+    One that `hangs` is given up as soon as any other.
+    """
+    usual = Safety()
     return Rules(
+        safety=usual if hangs else replace(usual, grab_s=RENDER_S),
         # the workcell's dwell; the readings are the commands
         stage=Settle(dwell_s=world.stage.settle_s),
         robot=Settle(dwell_s=world.robot.settle_s),

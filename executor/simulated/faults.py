@@ -70,6 +70,10 @@ class Faults:
         """Note which step runs now."""
         self._step = step
 
+    def is_asked(self, name: str) -> bool:
+        """Return whether a fault is at work in any step."""
+        return any(entry.partition("@")[0] == name for entry in self.asked)
+
     def on(self, name: str) -> bool:
         """Return whether a fault is at work now; if so, what asks has met it."""
         if name not in FAULTS:

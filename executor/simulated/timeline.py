@@ -10,7 +10,8 @@ from typing import Protocol
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.truth import Truth
 
-HANG_S = 60.0  # of the machine's own time; `stop` ends it
+RENDER_S = 600.0  # that a picture of the simulated camera may take, on a busy machine
+HANG_S = 2 * RENDER_S  # of the machine's own time; `stop` ends it
 
 
 class Process(Protocol):

@@ -102,7 +102,8 @@ def compare_routines(
     where the others leave no room: where none passes, or the chosen one uses more than
     `Limits.margin_share` of a tolerance. Below that a more expensive one is never
     chosen. They race by themselves on the same trials; the bounds count the rounds of
-    both races.
+    both races. For one of several features they take part if `thorough`: all of these
+    would have to be prepared for each.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def compare_routines(
         rejected.before.remind(known)
     visible = known.fact("visible", lambda: visible_share(case))
     hopeless = not is_fit(case, visible, bounds)
-    once = thorough or hopeless
+    once = thorough or hopeless or in_set
     judge = _Judge(
         case=case,
         root_seed=root_seed,

@@ -14,10 +14,11 @@ import pytest
 
 from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.safety import Rules
+from microplan.executor.devices.safety import Rules, Safety
 from microplan.executor.devices.station_file import Loaded, read_station
 from microplan.executor.devices.timeouts import WallClock
-from microplan.executor.simulated.cell import Cell, offer_of, rules_of
+from microplan.executor.simulated.cell import Cell, build_cell, offer_of, rules_of
+from microplan.executor.simulated.timeline import HANG_S, RENDER_S
 from microplan.schemas.codec import to_data
 from tests.executor.bench import QUICK, Folder, assembly, quiet, world
 
@@ -73,6 +74,15 @@ def test_the_example_says_what_the_simulated_cell_is(
     assert rules.robot_speeds == simulated.robot_speeds
     assert rules.stage_datum_z_um == simulated.stage_datum_z_um
     assert rules.stage.window_um == Rules().stage.window_um
+    assert rules.safety.grab_s == simulated.safety.grab_s
+
+
+def test_a_simulated_camera_that_hangs_is_given_up_as_soon_as_any_other() -> None:
+    hangs = build_cell(world(), 0, ("camera_hangs@lift",), camera="quick")
+    renders = build_cell(world(), 0, camera="quick")
+    found = [cell.station.rules.safety.grab_s for cell in (hangs, renders)]
+    assert found == [Safety().grab_s, RENDER_S]
+    assert HANG_S > RENDER_S
 
 
 def test_a_plan_runs_the_same_through_a_file(built: Path, tmp_path: Path) -> None:
