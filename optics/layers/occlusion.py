@@ -20,9 +20,9 @@ from microplan.arrays import FloatArray
 from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.mirrors.sheets import polished, with_mirrors
 from microplan.optics.layers.rays import (
+    Fan,
     Grid,
     LayerSheet,
-    Traced,
     composite,
     extent,
     hard,
@@ -174,10 +174,10 @@ class Tracing:
                 replace(sheet, sends=sheet.sends - loss)
                 for sheet, loss in zip(stack, dark, strict=True)
             ]
-        found = trace(
-            stack, scene.background, wide.shape, h, self.tangents, self.focus_um
+        fan = Fan(
+            shape=wide.shape, step_um=h, tangents=self.tangents, focus_um=self.focus_um
         )
-        extra = _hidden(found, scene.background, m, h)[rim:-rim, rim:-rim]
+        extra = _hidden(stack, scene.background, m, fan)[rim:-rim, rim:-rim]
         image = composite(blended, scene.background, extra.shape) + extra
         return _pixels(image, cut.per_px, m)
 
@@ -312,16 +312,17 @@ def _grid(fine: Microscope, window: Window) -> Grid:
 
 
 def _hidden(
-    found: Traced, background: float, microscope: Microscope, step_um: float
+    stack: Sequence[LayerSheet], background: float, microscope: Microscope, fan: Fan
 ) -> FloatArray:
     """Return D[M] - blend(D[G])."""
-    share = _frequencies(found.image.shape, step_um) / microscope.cutoff_per_um
+    share = _frequencies(fan.shape, fan.step_um) / microscope.cutoff_per_um
     gain = diffraction(share)
-    alone = [sheet.mapped(lambda raster, _: _filtered(raster, gain))
-             for sheet in found.stack]  # fmt: skip
-    return _filtered(found.image, gain) - composite(
-        alone, background, found.image.shape
-    )
+    alone = [
+        sheet.mapped(lambda raster, z_um: _filtered(fan.mean(raster, z_um), gain))
+        for sheet in stack
+    ]
+    seen = _filtered(trace(stack, background, fan), gain)
+    return seen - composite(alone, background, fan.shape)
 
 
 def _frequencies(shape: tuple[int, ...], step_um: float) -> FloatArray:

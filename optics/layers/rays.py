@@ -10,11 +10,11 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
+from scipy.signal import correlate
 
-from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.optics.outline.cell_areas import cells
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
@@ -79,15 +79,6 @@ class LayerSheet:
             mirrors=None if self.mirrors is None else by(self.mirrors, self.z_um),
             images=tuple(image.mapped(by) for image in self.images),
         )
-
-    def add(self, other: LayerSheet) -> None:
-        """Add another's rasters, in place."""
-        self.covers[...] += other.covers
-        self.sends[...] += other.sends
-        if self.mirrors is not None and other.mirrors is not None:
-            self.mirrors[...] += other.mirrors
-        for image, more in zip(self.images, other.images, strict=True):
-            image.add(more)
 
 
 def slopes(microscope: Microscope, count: int) -> FloatArray:
@@ -162,14 +153,6 @@ def composite(
     return image
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Traced:
-    """Means over rays at the cells of a grid in the plane in focus."""
-
-    image: FloatArray  # of the layers, each hiding those below
-    stack: tuple[LayerSheet, ...]  # of each sheet alone
-
-
 def extent(where: BoolArray) -> tuple[slice, slice] | None:
     """Return the rows and columns of the true samples of (rows, columns), or None."""
     if not where.any():
@@ -202,56 +185,69 @@ def hard(
     return found
 
 
-def trace(
-    stack: Sequence[LayerSheet],
-    background: float,
-    shape: tuple[int, int],
-    step_um: float,
-    tangents: FloatArray,
-    focus_um: float,
-) -> Traced:
-    """Return what rays through the cells of a grid see.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fan:
+    """Rays through the cells of a grid, moved to the nearest cell of each sheet."""
 
-    Parameters
-    ----------
-    stack : sequence of LayerSheet
-        From `hard`, the lowest first.
-    shape : (rows, columns)
-        The grid.
-    step_um : float
-        Side of a cell; rays are moved to the nearest cell of each sheet.
-    tangents : (N, 2) float64 array
-        Slopes of the rays.
-    focus_um : float
-        World height of the grid.
+    shape: tuple[int, int]  # rows, columns of the grid
+    step_um: float  # side of a cell
+    tangents: FloatArray  # (N, 2), slopes of the rays
+    focus_um: float  # world height of the grid
+
+    def views(self, raster: Raster, z_um: float) -> list[Raster]:
+        """Return what each ray of all cells meets of a sheet, (rows, columns) each."""
+        (rows, columns), by = self.shape, self._rim(raster)
+        return [
+            raster[down : down + rows, right : right + columns]
+            for down, right in (by + self._aside(z_um)).tolist()
+        ]
+
+    def mean(self, raster: Raster, z_um: float) -> FloatArray:
+        """Return the mean over rays of what they meet of a sheet, (rows, columns)."""
+        by = self._rim(raster)
+        weights = np.zeros((2 * by + 1, 2 * by + 1))
+        np.add.at(weights, tuple((by + self._aside(z_um)).T), 1 / len(self.tangents))
+        found: FloatArray = correlate(raster.astype(np.float64), weights, "valid")
+        return found
+
+    def _rim(self, raster: Raster) -> int:
+        """Return how many cells a raster has more than the grid on every side."""
+        rim: int = (raster.shape[0] - self.shape[0]) // 2
+        return rim
+
+    def _aside(self, z_um: float) -> IntArray:
+        """Return how many cells down and right rays meet a sheet, (N, 2)."""
+        z = (z_um - self.focus_um) / self.step_um
+        found: IntArray = np.rint(z * self.tangents[:, ::-1] * [-1, 1]).astype(np.intp)
+        return found
+
+
+def trace(stack: Sequence[LayerSheet], background: float, fan: Fan) -> FloatArray:
+    """Return what rays through the cells of a grid see in the mean, (rows, columns).
+
+    Shares of full scale; sheets, from `hard`, are the lowest first.
     """
-    image = np.zeros(shape)
-    sums = [sheet.mapped(lambda *_: np.zeros(shape)) for sheet in stack]
-    for tangent in tangents:
-        seen = np.full(shape, background, dtype=np.float32)
-        met = partial(_moved, tangent=tangent / step_um, shape=shape, focus_um=focus_um)
-        for total, sheet in zip(sums, stack, strict=True):
-            view = sheet.mapped(met)
-            seen *= 1 - view.covers
-            seen += view.sends_all
-            total.add(view)
+    image = np.zeros(fan.shape)
+    views = [_views(sheet, fan) for sheet in stack]
+    for ray in range(len(fan.tangents)):
+        seen = np.full(fan.shape, background, dtype=np.float32)
+        for free, sends, mirrors, *images in views:
+            seen *= free[ray]
+            seen += sends[ray]
+            if mirrors:
+                seen += math.prod((each[ray] for each in images), start=mirrors[ray])
         image += seen
-    share = 1 / len(tangents)
-    means = tuple(sheet.mapped(lambda raster, _: raster * share) for sheet in sums)
-    return Traced(image=image * share, stack=means)
+    return image / len(fan.tangents)
 
 
-def _moved(
-    raster: Raster,
-    z_um: float,
-    *,
-    tangent: FloatArray,
-    shape: tuple[int, int],
-    focus_um: float,
-) -> Raster:
-    """Return a sheet's raster where the rays of one slope meet it."""
-    rows, columns = shape
-    by = (raster.shape[0] - rows) // 2
-    z = z_um - focus_um
-    across, up = round(z * float(tangent[0])), round(z * float(tangent[1]))
-    return raster[by - up : by - up + rows, by + across : by + across + columns]
+def _views(sheet: LayerSheet, fan: Fan) -> list[list[Raster]]:
+    """Return what rays meet of what a sheet leaves free, sends and mirrors.
+
+    Then of what each image in it leaves free; without a mirror the third is empty.
+    """
+    plain = [(1 - sheet.covers, sheet.z_um), (sheet.sends, sheet.z_um)]
+    found = [fan.views(raster, z_um) for raster, z_um in plain]
+    if sheet.mirrors is None:
+        return [*found, []]
+    images = [fan.views(1 - image.covers, image.z_um) for image in sheet.images]
+    return [*found, fan.views(sheet.mirrors, sheet.z_um), *images]

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.rays import Grid, hard, slopes, trace
+from microplan.optics.layers.rays import Fan, Grid, hard, slopes, trace
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
@@ -52,6 +52,9 @@ def light_share(
     if not above:
         return np.ones(grid.shape)
     stack = hard(above, grid, lamp, z_um)
-    tangents = slopes(lamp, samples)
+    fan = Fan(
+        shape=grid.shape, step_um=grid.step_um, tangents=slopes(lamp, samples),
+        focus_um=z_um,
+    )  # fmt: skip
     # black bodies before a white background: what a ray sees is what it lets through
-    return trace(stack, 1.0, grid.shape, grid.step_um, tangents, z_um).image
+    return trace(stack, 1.0, fan)
