@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from scipy.stats import norm, t
+from scipy.stats import chi2, norm, t
 from shapely.geometry import Polygon, box
 
 from benchmarks.figures import Benchmark, Figure, Options
@@ -238,6 +238,9 @@ def _measure(_: Options) -> Iterator[Figure]:
                 bench.judge(kind, pictures, writer(pictures, seed))
         for kind in KINDS:
             square = float(np.mean(np.square(bench.pulls[kind])))
+            count = len(bench.pulls[kind])
+            low, high = (chi2.ppf([0.025, 0.975], count) / count).tolist()
+            print(f"{kind}: {square:.2f} of {count}, {low:.2f} to {high:.2f} by chance")
             yield Figure(name=f"real.pull_mean_square_{kind}", value=square, unit="1")
         yield Figure(name="real.calibrate_s", value=_timed(bench), unit="s")
 

@@ -180,15 +180,15 @@ def _numbers(
 ) -> tuple[BlockEstimate, BlockEstimate]:
     """Return gamma and black; `without`: (2,) of each light left out.
 
-    `black` is that of a table. With few lights leaving them out finds too small a
-    deviation by chance: where that of readings that err alike is larger, variances are
-    the mean of both.
+    `black` is that of a table. Of few lights the jackknife's variance is small or large
+    by chance: variances are the mean of it and of that of readings that err alike,
+    whichever is larger, since a choice of the larger is too large on the whole.
     """
     values = np.array([power.gamma, power.black if black is None else black])
     covariance = jackknife_covariance(without)
     if covariance is not None:
         own = np.maximum(np.diag(covariance), 1e-300)
-        up = np.sqrt(np.maximum((1.0 + common_errors(levels, power) / own) / 2, 1.0))
+        up = np.sqrt((1.0 + common_errors(levels, power) / own) / 2)
         covariance = covariance * np.outer(up, up)
     found = VectorEstimate(
         values=values,

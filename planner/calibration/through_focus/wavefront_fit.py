@@ -31,6 +31,9 @@ NOLLS = (5, 6, 7, 8, 9, 10, 11)  # astigmatism, coma, trefoil, spherical aberrat
 _SPHERICAL = 11
 _SURE = 0.99865  # that a term is not none, one-sided: 3 normal standard deviations
 _BETTER = 0.9  # of the squared error of steps left out that a term must reach
+# numbers that images of two makers differ by: a blur in all directions, alike on either
+# side of the focus, looks like no aberration, and like no other zero of the focus
+_BLUR = (0, 2)  # aperture, scale
 _SAMPLED = 0.004  # share of a wavefront by which its sampling in images errs (twins)
 _METHOD = "edges through focus against the compiler's images; steps left out in turn"
 _TAKE = "the part at nine signed focus readings or more, on both sides of the sharpest"
@@ -172,7 +175,9 @@ def _estimate(fit: LensFit, free: Sequence[int]) -> VectorEstimate:
     without = [(fit.numbers + _change(fit, free, step))[free] for step in fit.steps]
     covariance = jackknife_covariance(without)
     if covariance is not None:
-        common = TRUE**2 * fit.pixels * np.linalg.inv(normal[np.ix_(free, free)])
+        alike = TRUE**2 * fit.pixels * np.linalg.inv(normal[np.ix_(free, free)])
+        common, blur = np.zeros_like(alike), np.ix_(_BLUR, _BLUR)
+        common[blur] = alike[blur]
         covariance = covariance + common + np.diag(_sampled(fit, values) ** 2)
     return VectorEstimate(
         values=values, covariance=covariance, method=_METHOD, blocks=len(fit.steps)
