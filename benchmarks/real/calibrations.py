@@ -239,7 +239,7 @@ def _measure(_: Options) -> Iterator[Figure]:
         for kind in KINDS:
             square = float(np.mean(np.square(bench.pulls[kind])))
             count = len(bench.pulls[kind])
-            low, high = (chi2.ppf([0.025, 0.975], count) / count).tolist()
+            low, high = (float(chi2.ppf(p, count)) / count for p in (0.025, 0.975))
             print(f"{kind}: {square:.2f} of {count}, {low:.2f} to {high:.2f} by chance")
             yield Figure(name=f"real.pull_mean_square_{kind}", value=square, unit="1")
         yield Figure(name="real.calibrate_s", value=_timed(bench), unit="s")

@@ -16,6 +16,10 @@ from microplan.planner.calibration.discrepancy.discrepancy_values import (
     SECTION,
     with_discrepancy,
 )
+from microplan.planner.calibration.even_field.field_series import (
+    FieldCell,
+    even_field,
+)
 from microplan.planner.calibration.geometry.light_field import WHERE
 from microplan.planner.calibration.geometry.light_of_places import (
     StatedLight,
@@ -51,6 +55,7 @@ from microplan.planner.source.schema import Checked, check, with_defaults
 from microplan.planner.source.source import parse
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.camera.check_camera import BITS, check_camera
+from microplan.planner.task.camera.read_camera import read_camera
 from microplan.planner.task.light.read_light import read_coherence
 
 _STATED = ("response", "black_level", "white_level", "full_well_e")
@@ -113,6 +118,8 @@ def _with_readings(
     )
     if readings.kind == "light":
         return camera_response(readings, intake, stated_numbers(call.cell))
+    if readings.kind == "field":
+        return even_field(readings, intake, _field_cell(call.cell))
     if call.part is None:
         what = "groups" if readings.kind == "still" else f"{readings.kind} readings"
         message = f"{what} tell something of a known part only"
@@ -161,6 +168,17 @@ def _stated_lens(cell: Checked) -> StatedLens:
     rms = cell.source.get("optics", "wavefront_rms")
     aperture = _number(cell, "optics", "numerical_aperture")
     return StatedLens(aperture=aperture, has_rms=rms is not None)
+
+
+def _field_cell(cell: Checked) -> FieldCell:
+    """Return what a workcell states of camera and light."""
+    raw, said = with_defaults(cell.source.data, "workcell"), stated_numbers(cell)
+    return FieldCell(
+        response=read_camera(raw["camera"]).response,
+        has_black="black_level" in said,
+        white=said.get("white_level"),
+        gradient=_number(cell, *WHERE),
+    )
 
 
 def stated_shares(cell: Checked) -> Mapping[str, float]:

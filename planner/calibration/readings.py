@@ -19,7 +19,7 @@ READINGS = "readings.csv"
 COLUMNS: Mapping[str, str] = {
     "file": "file", "group": "group", "still": "group", "light": "light",
     "x_um": "x_um", "stage_x_um": "x_um", "y_um": "y_um", "stage_y_um": "y_um",
-    "z_um": "z_um", "focus_um": "z_um",
+    "z_um": "z_um", "focus_um": "z_um", "scene": "scene",
 }  # fmt: skip
 _NUMBERS = ("x_um", "y_um", "z_um", "light")
 _MOST_UM, _MOST_LIGHT = 1e6, 1e12  # of readings: beyond they are in another unit
@@ -27,7 +27,8 @@ _MOST_SHOWN = 200  # characters of a line
 _MOST_BYTES = 1 << 24  # of a table: some 300 000 pictures
 _PAGE = "a picture of a file of several is named FILE[NUMBER], counted from 0"
 
-SeriesKind = Literal["still", "light", "stage", "focus"]
+EVEN = "even"  # scene: nothing is in the field
+SeriesKind = Literal["still", "light", "stage", "focus", "field"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,11 +41,14 @@ class PictureReading:
     z_um: float = 0.0  # of the focus drive
     light: float = 1.0  # proportional to the light, in any unit
     group: str = ""  # pictures between which nothing was moved or changed
+    scene: str = ""  # `EVEN`, or anything: ""
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
             if not math.isfinite(getattr(self, name)):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+        if self.scene not in ("", EVEN):
+            raise ValueError(f"scene must be {EVEN!r} or empty, got {self.scene!r}")
         if not 0 <= self.light <= _MOST_LIGHT:
             limits = f"0 or more, and at most {_MOST_LIGHT:g}"
             raise ValueError(f"light must be {limits}, got {self.light:g}")
@@ -184,7 +188,8 @@ def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
             except ValueError:
                 return f"{each} of {name} is no number: {said[each][:_MOST_SHOWN]!r}"
     try:
-        return PictureReading(name=name, group=said.get("group", ""), **values)
+        group, scene = said.get("group", ""), said.get("scene", "")
+        return PictureReading(name=name, group=group, scene=scene, **values)
     except ValueError as error:
         return f"{name}: {error}"
 
@@ -200,12 +205,27 @@ def series_kind(
         found.append("stage")
     if len({row.z_um for row in rows}) > 1:
         found.append("focus")
+    scenes = {row.scene for row in rows}
+    if EVEN in scenes:
+        return _field_kind(file, found, report, is_mixed=len(scenes) > 1)
     if len(found) > 1:
         message = f"{' and '.join(found)} change from row to row"
         hint = "change one at a time, each series in a folder of its own"
         _wrong(file, report, message, hint)
         return None
     return found[0] if found else "still"
+
+
+def _field_kind(
+    file: Path, changed: Sequence[SeriesKind], report: Report, *, is_mixed: bool
+) -> SeriesKind | None:
+    """Return the kind of pictures of an even field; None, and MP905, if others are."""
+    if not changed and not is_mixed:
+        return "field"
+    what = f"{changed[0]} changes" if changed else f"not all scenes are {EVEN}"
+    hint = "nothing changes in a series of an even field; a folder of its own"
+    _wrong(file, report, f"{what} beside an even field", hint)
+    return None
 
 
 def _all_there(file: Path, rows: Sequence[PictureReading], report: Report) -> bool:

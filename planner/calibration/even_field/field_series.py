@@ -1,0 +1,107 @@
+"""Pictures of an even field as workcell lines of the light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.optics.lens.response import Response
+from microplan.planner.calibration.calibrated_value import CalibrationSeries, single
+from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.even_field.field_light import (
+    TAKE,
+    WHAT,
+    FieldLight,
+    field_light,
+)
+from microplan.planner.calibration.geometry.light_field import gradient_values
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
+from microplan.planner.source.diagnostics import Span
+
+_CUT = 0.001  # share of counts at full scale that a few odd pixels have
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldCell:
+    """What a workcell states of camera and light."""
+
+    response: Response | None  # None: straight, from 0 to full scale
+    has_black: bool  # the camera's counts without light
+    white: float | None  # count of saturation; None: full scale
+    gradient: float | None
+
+
+def even_field(
+    readings: PictureReadings, intake: PictureIntake, stated: FieldCell
+) -> CalibrationSeries | None:
+    """Return what pictures of an even field tell of the light, None if nothing.
+
+    Parameters
+    ----------
+    readings : PictureReadings
+        Of the kind "field".
+    intake : PictureIntake
+        New; its report receives MP901, MP904 and MP905.
+    stated : FieldCell
+        By the workcell.
+    """
+    where, report = Span(file=str(readings.file)), intake.report
+    if not stated.has_black:
+        message = f"no {WHAT}: the workcell states no black_level, which looks alike"
+        hint = "photograph one scene in several lights first"
+        report.error(CODE, where, message, hint)
+        return None
+    light = _mean_light(readings, intake, stated)
+    if light is None:
+        return None
+    found = field_light(light)
+    if isinstance(found, Refused):
+        message = f"no {found.what}: {found.why}"
+        report.error(CODE, where, message, f"photograph {found.take}")
+        return None
+    return _series(found, intake, stated.gradient)
+
+
+def _mean_light(
+    readings: PictureReadings, intake: PictureIntake, stated: FieldCell
+) -> FloatArray | None:
+    """Return the mean light of all pictures, (rows, columns) 0..1, None if in doubt."""
+    total: FloatArray | None = None
+    highest, where = 0.0, Span(file=str(readings.file))
+    for _, page in readings_of_pages(readings, intake):
+        white = float(intake.top) if stated.white is None else stated.white
+        cut = float(np.mean(page.counts >= white))
+        if cut > _CUT:
+            message = f"{page.name} is saturated: {cut:.1%} of it counts {white:g}"
+            at = Span(file=str(page.path))
+            intake.report.error(CODE, at, message, f"expose less: photograph {TAKE}")
+        highest = max(highest, float(page.counts.max()))
+        light = _light(page.counts, intake.top, stated.response)
+        total = light if total is None else total + light
+    if total is None and not intake.report.failed:
+        intake.report.error(CODE, where, "no picture of the table can be used")
+    if total is None or intake.report.failed or not intake.fits(highest, where):
+        return None
+    return np.asarray(total / intake.taken)
+
+
+def _light(counts: FloatArray, top: int, response: Response | None) -> FloatArray:
+    """Return light, 1 at full scale, of counts (rows, columns)."""
+    return counts / top if response is None else response.share_of(counts)
+
+
+def _series(
+    found: FieldLight, intake: PictureIntake, stated: float | None
+) -> CalibrationSeries:
+    """Return gradient and departure as values."""
+    source = intake.source()
+    rest = single("light_departure_rms", found.departure, source)
+    note = f"dust and what is around it, left out: {found.dust:.1%} of the field"
+    return CalibrationSeries(
+        heading=f"light in {source.pictures} pictures of an even field",
+        values=(*gradient_values(found.gradient, source, stated), rest),
+        notes=(note,) if found.dust else (),
+    )

@@ -1,0 +1,128 @@
+"""Gradients come out of fields with nothing in them, of others there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from microplan.arrays import FloatArray
+from microplan.planner.calibration.calibrated_value import PictureSource
+from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.even_field.field_light import (
+    FieldLight,
+    field_light,
+)
+from microplan.planner.calibration.geometry.light_field import gradient_values
+from tests.planner.calibration.twin_series import LENS, SIZE, UM_PER_PX
+from validation.twins.camera import Camera, dusted, exposed, graded
+from validation.twins.optics import image
+from validation.twins.scenes import Body, Scene
+
+CAMERA = Camera(full_well=20_000.0, read_noise=1.0, pattern=0.5)
+ACROSS, UP = 0.12, -0.05
+
+
+def shown(light: FloatArray, seed: int = 0, camera: Camera = CAMERA) -> FloatArray:
+    """Return the light that a camera's picture tells."""
+    counts = exposed(light, camera, np.random.default_rng(seed))
+    return np.asarray(counts, dtype=np.float64) / camera.top
+
+
+def field(across: float = ACROSS, up: float = UP) -> FloatArray:
+    return graded(np.full(SIZE, 0.5), across, up)
+
+
+def told(light: FloatArray) -> FieldLight:
+    found = field_light(light)
+    assert isinstance(found, FieldLight), found
+    return found
+
+
+@pytest.mark.parametrize("specks", [0, 12])
+def test_gradients_come_out_within_their_deviations(specks: int) -> None:
+    """Of 120 pulls by 33 numbers the mean square is 33/31 +- .14."""
+    pulls = []
+    for seed in range(60):
+        light = dusted(field(), specks, np.random.default_rng([seed, 1]), 1.0)
+        found = told(shown(light, seed)).gradient
+        for k, true in enumerate((ACROSS, UP)):
+            one = found.one(k)
+            assert one.sigma
+            pulls.append((one.value - true) / one.sigma)
+    assert 0.6 < np.mean(np.square(pulls)) < 1.5
+
+
+def test_what_no_plane_explains_is_left_over() -> None:
+    """Against the plane through the pixels' light itself, without a camera."""
+    right, up = (field(*a) / 0.5 - 1 for a in ((1.0, 0.0), (0.0, 1.0)))
+    light = field() * (1 - 0.3 * (right**2 + up**2))
+    design = np.stack([np.ones(light.size), right.ravel(), up.ravel()], axis=1)
+    plane, left, *_ = np.linalg.lstsq(design, light.ravel(), rcond=None)
+    rms = float(np.sqrt(left[0] / light.size) / plane[0])
+    found = told(shown(light))
+    assert found.departure.sigma
+    assert abs(found.departure.value - rms) < 4 * found.departure.sigma
+    assert found.departure.value == pytest.approx(rms, rel=0.05)
+    for k in (0, 1):
+        one = found.gradient.one(k)
+        assert one.sigma
+        assert abs(one.value - plane[k + 1] / plane[0]) < 4 * one.sigma
+
+
+def test_a_plane_leaves_nothing_over() -> None:
+    """Noise of the cells is taken off; half of its squares are below 0."""
+    found = [told(shown(field(), seed)).departure for seed in range(20)]
+    assert all(each.value < 4 * (each.sigma or 0.0) for each in found)
+    assert 3 < sum(each.value == 0 for each in found) < 17
+
+
+def test_values_are_a_workcells_line_and_both_axes() -> None:
+    source = PictureSource(pictures=1, sha256="0")
+    size, x, y = gradient_values(told(shown(field())).gradient, source, 0.1)
+    assert size.where == ("light", "gradient")
+    assert size.value == pytest.approx(0.13, abs=0.005)
+    assert (x.value, y.value) == pytest.approx((ACROSS, UP), abs=0.005)
+
+
+def test_dust_moves_nothing() -> None:
+    light = dusted(field(), 12, np.random.default_rng(1), 1.0)
+    found = told(shown(light))
+    assert 0 < found.dust < 0.2
+    assert found.gradient.values == pytest.approx((ACROSS, UP), abs=0.003)
+
+
+def _square(reflectance: float) -> FloatArray:
+    part = Body(shape=box(-6, -5, 7, 6), reflectance=reflectance)
+    return image(Scene(bodies=(part,), background=0.5), LENS, SIZE, UM_PER_PX)
+
+
+def _board(cell: int) -> FloatArray:
+    row, column = np.indices(SIZE) // cell
+    return np.asarray(0.4 + 0.2 * ((row + column) % 2), dtype=np.float64)
+
+
+@pytest.mark.parametrize(
+    ("light", "why"),
+    [
+        (_square(0.8), "it shows something"),
+        (_square(0.53), "it shows something"),
+        (field() + 0.1 * (np.arange(SIZE[1]) > 90), "it shows something"),
+        (_board(16), "it shows something"),
+        (_board(3), "between neighbouring areas"),
+        (field() * 0.05, "of full scale, less than 5%"),
+        (np.zeros(SIZE), "its light is 0.20% of full scale"),
+        (field()[:16], "pictures of 128 x 16 px are too small"),
+    ],
+)
+def test_fields_that_are_not_even_are_refused(light: FloatArray, why: str) -> None:
+    found = field_light(shown(light))
+    assert isinstance(found, Refused)
+    assert why in found.why
+    assert "empty stage" in found.take
+
+
+def test_a_field_without_noise_is_told_exactly() -> None:
+    found = told(field())
+    assert found.gradient.values == pytest.approx((ACROSS, UP), abs=1e-9)
+    assert found.departure.value < 1e-6
