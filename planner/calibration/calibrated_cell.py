@@ -11,6 +11,10 @@ from microplan.planner.calibration.calibrated_value import (
     CalibratedValue,
     CalibrationSeries,
 )
+from microplan.planner.calibration.condenser.condenser_series import (
+    StatedCondenser,
+    condenser_settings,
+)
 from microplan.planner.calibration.discrepancy.discrepancy_values import (
     MOST,
     SECTION,
@@ -124,9 +128,14 @@ def _with_readings(
         what = "groups" if readings.kind == "still" else f"{readings.kind} readings"
         message = f"{what} tell something of a known part only"
         raise CallError("MP903", message, readings.file, "--part names its drawing")
+    condenser = _stated_condenser(call.cell)
+    if readings.kind == "condenser" and not condenser.tells(readings, report):
+        return None
     finder = part_finder(readings, call.part, call.bits, report, call.memo)
     if finder is None:
         return None
+    if readings.kind == "condenser":
+        return condenser_settings(readings, finder, intake, condenser)
     if readings.kind == "focus":
         return focus_axis(readings, finder, intake, _stated_lens(call.cell))
     at = Span(file=str(readings.file))
@@ -178,6 +187,18 @@ def _field_cell(cell: Checked) -> FieldCell:
         has_black="black_level" in said,
         white=said.get("white_level"),
         gradient=_number(cell, *WHERE),
+    )
+
+
+def _stated_condenser(cell: Checked) -> StatedCondenser:
+    """Return what a workcell states of its light and of what makes counts of it."""
+    source, known = cell.source, stated_numbers(cell)
+    data = with_defaults(source.data, "workcell")
+    return StatedCondenser(
+        kind=str(data["light"]["kind"]),
+        has_response=source.get("camera", "response") is not None,
+        has_black="black_level" in known,
+        coherence=_number(cell, "optics", "coherence"),
     )
 
 

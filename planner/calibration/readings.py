@@ -20,15 +20,17 @@ COLUMNS: Mapping[str, str] = {
     "file": "file", "group": "group", "still": "group", "light": "light",
     "x_um": "x_um", "stage_x_um": "x_um", "y_um": "y_um", "stage_y_um": "y_um",
     "z_um": "z_um", "focus_um": "z_um", "scene": "scene",
+    "condenser_aperture": "condenser_aperture",
 }  # fmt: skip
-_NUMBERS = ("x_um", "y_um", "z_um", "light")
+_NUMBERS = ("x_um", "y_um", "z_um", "light", "condenser_aperture")
 _MOST_UM, _MOST_LIGHT = 1e6, 1e12  # of readings: beyond they are in another unit
+_MOST_APERTURE = 2.0  # the medium's index at most
 _MOST_SHOWN = 200  # characters of a line
 _MOST_BYTES = 1 << 24  # of a table: some 300 000 pictures
 _PAGE = "a picture of a file of several is named FILE[NUMBER], counted from 0"
 
 EVEN = "even"  # scene: nothing is in the field
-SeriesKind = Literal["still", "light", "stage", "focus", "field"]
+SeriesKind = Literal["still", "light", "stage", "focus", "field", "condenser"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,18 +42,23 @@ class PictureReading:
     y_um: float = 0.0
     z_um: float = 0.0  # of the focus drive
     light: float = 1.0  # proportional to the light, in any unit
+    condenser_aperture: float | None = None  # numerical, of the illumination
     group: str = ""  # pictures between which nothing was moved or changed
     scene: str = ""  # `EVEN`, or anything: ""
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
-            if not math.isfinite(getattr(self, name)):
+            if not math.isfinite(getattr(self, name) or 0.0):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
         if self.scene not in ("", EVEN):
             raise ValueError(f"scene must be {EVEN!r} or empty, got {self.scene!r}")
         if not 0 <= self.light <= _MOST_LIGHT:
             limits = f"0 or more, and at most {_MOST_LIGHT:g}"
             raise ValueError(f"light must be {limits}, got {self.light:g}")
+        aperture = self.condenser_aperture
+        if aperture is not None and not 0 < aperture <= _MOST_APERTURE:
+            limits = f"above 0, and at most {_MOST_APERTURE:g}"
+            raise ValueError(f"condenser_aperture must be {limits}, got {aperture:g}")
         for name in _NUMBERS[:3]:
             if abs(getattr(self, name)) > _MOST_UM:
                 got = f"got {getattr(self, name):g}"
@@ -197,11 +204,16 @@ def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
 def series_kind(
     file: Path, rows: Sequence[PictureReading], report: Report
 ) -> SeriesKind | None:
-    """Return what was changed in a series; None, and MP905, if several things were."""
+    """Return what was changed in a series; None, and MP905, if several things were.
+
+    Stage readings and groups are places of the part where the condenser is stated.
+    """
     found: list[SeriesKind] = []
+    if any(row.condenser_aperture is not None for row in rows):
+        found.append("condenser")
     if len({row.light for row in rows}) > 1:
         found.append("light")
-    if len({(row.x_um, row.y_um) for row in rows}) > 1:
+    if len({(row.x_um, row.y_um) for row in rows}) > 1 and "condenser" not in found:
         found.append("stage")
     if len({row.z_um for row in rows}) > 1:
         found.append("focus")

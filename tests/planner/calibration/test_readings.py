@@ -51,6 +51,13 @@ def test_what_changes_from_row_to_row_is_the_kind(
     assert found.by_name["a.png"].light == (2.5 if head == "light" else 1.0)
 
 
+def test_a_part_may_be_at_several_places_under_a_condenser(tmp_path: Path) -> None:
+    text = "file,condenser_aperture,x_um\na.png,.1,0\nb.png,.2,5\n"
+    found = read(table(tmp_path, text))
+    assert found.kind == "condenser"
+    assert [row.condenser_aperture for row in found.rows] == [0.1, 0.2]
+
+
 @pytest.mark.parametrize(
     ("text", "said", "hint"),
     [
@@ -71,6 +78,13 @@ def test_what_changes_from_row_to_row_is_the_kind(
         ("a" * 140_000, "is no row of a table: field", "short name"),
         ("file,x_um\na.png,inf\n", "x_um must be finite", ""),
         ("file,light\na.png,-1\n", "light must be 0 or more", ""),
+        ("file,condenser_aperture\na.png,0\nb.png,.2\n", "must be above 0, and", ""),
+        ("file,condenser_aperture\na.png,30\nb.png,.2\n", "at most 2, got 30", ""),
+        (
+            "file,condenser_aperture,z_um\na.png,.1,1\nb.png,.2,2\n",
+            "condenser and focus change",
+            "one at a time",
+        ),
         ("file,x_um\n../a.png,1\n", "names no picture of this folder", ""),
         ("file,x_um\na.png,1\na.png,2\n", "a.png is in line 2 already", "FILE[NUMBER]"),
         ("file,x_um\na.png,1\nb.png,2\nc.png,3\n", "c.png of the table is not", "row"),

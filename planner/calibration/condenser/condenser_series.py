@@ -1,0 +1,266 @@
+"""Condenser settings of a known part: coherence and edge offset as workcell lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.planner.calibration.calibrated_value import (
+    CalibratedValue,
+    CalibrationCurve,
+    CalibrationSeries,
+    PictureSource,
+    single,
+)
+from microplan.planner.calibration.condenser.coherent_profiles import (
+    MOST,
+    CoherentProfiles,
+    coherent_profiles,
+)
+from microplan.planner.calibration.condenser.condenser_fit import (
+    AT_END,
+    TAKE,
+    CondenserFit,
+    CondenserLook,
+    fit_condenser,
+    unfit_settings,
+)
+from microplan.planner.calibration.condenser.condenser_words import (
+    condenser_words,
+    stated_doubts,
+)
+from microplan.planner.calibration.condenser.edge_mean import edge_mean, tells_scale
+from microplan.planner.calibration.estimates import BlockEstimate, Refused
+from microplan.planner.calibration.geometry.part_finder import PartFinder
+from microplan.planner.calibration.picture_intake import CODE, PictureIntake
+from microplan.planner.calibration.readings import (
+    PictureReading,
+    PictureReadings,
+    readings_of_pages,
+)
+from microplan.planner.calibration.through_focus.edge_profile import (
+    EdgePoints,
+    across_px,
+    points_seen,
+)
+from microplan.planner.measure.measuring import MeasuredPicture
+from microplan.planner.source.diagnostics import Report, Span
+
+# times the settings as read, either way: coherence that is tried, first and then
+_BEYOND = (1.25, 2.0)
+_WHERE = ("optics", "coherence")
+_COAXIAL = "coaxial"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedCondenser:
+    """What a workcell states of its light, and of what makes counts of it."""
+
+    kind: str  # of light
+    has_response: bool
+    has_black: bool  # counts without light
+    coherence: float | None  # None: none, or an interval
+
+    def tells(self, readings: PictureReadings, report: Report) -> bool:
+        """Return whether pictures may tell a coherence; else report why not."""
+        message, hint = self._lacking()
+        if not message:
+            apertures = [row.condenser_aperture or 0.0 for row in readings.rows]
+            refused = unfit_settings(apertures)
+            if refused is not None:
+                message = f"no {refused.what}: {refused.why}"
+                hint = f"photograph {refused.take}"
+        if message:
+            report.error(CODE, Span(file=str(readings.file)), message, hint)
+        return not message
+
+    def _lacking(self) -> tuple[str, str]:
+        """Return what the workcell lacks, and what to do; "" if nothing."""
+        if self.kind != _COAXIAL:
+            why = f"light.kind is {self.kind}: its condenser is not the objective"
+            return f"no coherence: {why}", "coaxial light alone is told by settings"
+        lacks = [("response", self.has_response), ("black_level", self.has_black)]
+        names = [f"camera.{name}" for name, has in lacks if not has]
+        if not names:
+            return "", ""
+        why = f"the workcell states no {' and no '.join(names)}: counts that are not "
+        why += "proportional to light look like another coherence"
+        return f"no coherence: {why}", "calibrate with a series of lights first"
+
+
+def condenser_settings(
+    readings: PictureReadings,
+    finder: PartFinder,
+    intake: PictureIntake,
+    stated: StatedCondenser,
+) -> CalibrationSeries | None:
+    """Return what a part at several settings of the condenser tells, None if nothing.
+
+    Parameters
+    ----------
+    readings : PictureReadings
+        With the condenser's numerical aperture of each picture; places by stage
+        readings and groups. The first row's setting is that of the workcell.
+    finder : PartFinder
+        Of these pictures.
+    intake : PictureIntake
+        New; its report receives MP901, MP904 and MP905.
+    stated : StatedCondenser
+        By the workcell.
+    """
+    report, where = intake.report, Span(file=str(readings.file))
+    points, aperture = _points(finder), finder.series.look.case.microscope.aperture
+    if points is None:
+        message = "the first picture in which it is found shows too few of its edges"
+        report.error(CODE, where, message, "is it whole, in focus, and alone?")
+        return None
+    looks = _looks(readings, finder, intake, points)
+    if report.failed or not intake.fits(0, where):
+        return None
+    found, table = _fitted(points, finder, looks)
+    if table is None or not isinstance(found, CondenserFit):
+        _refuse(found, aperture, where, report)
+        return None
+    stated_doubts(found, aperture, where, report)
+    first = (readings.rows[0].condenser_aperture or 0.0) / aperture
+    setting = min(found.settings, key=lambda each: abs(each - first))
+    read, scaled = setting * aperture, tells_scale(points)
+    um_per_px = points.case.microscope.um_per_px
+    source = intake.source()
+    return CalibrationSeries(
+        heading=f"coherence in {source.pictures} pictures at {len(found.settings)} "
+        "settings of the condenser",
+        values=(
+            single(
+                "coherence", found.coherence(setting), source,
+                where=_WHERE, stated=stated.coherence,
+            ),
+            _by_setting(found, aperture, source),
+            _offset(found, um_per_px, source),
+        ),
+        notes=tuple(condenser_words(found, read, scaled=scaled)),
+        curves=_curves(found, looks, table, aperture),
+    )  # fmt: skip
+
+
+def _refuse(found: object, aperture: float, where: Span, report: Report) -> None:
+    """Report why pictures do not tell a coherence."""
+    message = f"no coherence: settings must lie below {MOST * aperture:.3g}, or the "
+    message += "part's edges leave its images"
+    hint = f"photograph {TAKE}"
+    if isinstance(found, Refused):
+        message, hint = f"no {found.what}: {found.why}", f"photograph {found.take}"
+    report.error(CODE, where, message, hint)
+
+
+def _points(finder: PartFinder) -> EdgePoints | None:
+    """Return the edges that the picture shows in which the part was found."""
+    first = finder.first
+    case = first.region.case
+    theta = case.target.theta_rad + first.pose[2]
+    return points_seen(case, first.shown, first.at_px, theta)
+
+
+def _looks(
+    readings: PictureReadings,
+    finder: PartFinder,
+    intake: PictureIntake,
+    points: EdgePoints,
+) -> list[CondenserLook]:
+    """Return the mean profile of each place and setting; frames are one picture."""
+    scope = finder.series.look.case.microscope
+    held: dict[tuple[str, float], list[FloatArray]] = {}
+    for row, page in readings_of_pages(readings, intake):
+        seen = finder.found_in(page)
+        profile = None
+        if isinstance(seen, MeasuredPicture) and not seen.failure:
+            theta = seen.region.case.target.theta_rad + seen.pose[2]
+            there = replace(points, theta_rad=theta)
+            profile = edge_mean(there, seen.shown, seen.at_px)
+        if profile is None:
+            message = f"{page.name} does not show the part's edges"
+            hint = "is it whole in the field, and in focus?"
+            intake.report.warning(CODE, Span(file=str(page.path)), message, hint)
+            continue
+        setting = (row.condenser_aperture or 0.0) / scope.aperture
+        held.setdefault((_place(row), setting), []).append(profile)
+    return [
+        CondenserLook(place=place, setting=s, profile=np.mean(profiles, axis=0))
+        for (place, s), profiles in held.items()
+    ]
+
+
+def _place(row: PictureReading) -> str:
+    """Return what tells a place from others."""
+    return f"{row.x_um:g} {row.y_um:g} {row.group}"
+
+
+def _fitted(
+    points: EdgePoints, finder: PartFinder, looks: Sequence[CondenserLook]
+) -> tuple[CondenserFit | Refused | None, CoherentProfiles | None]:
+    """Return what pictures tell, and the images' profiles about it."""
+    settings = [look.setting for look in looks]
+    found: CondenserFit | Refused | None = unfit_settings(settings)
+    table = None
+    if found is not None or max(settings) >= MOST:
+        return found, None
+    for times in _BEYOND:
+        within = min(settings) / times, min(max(settings) * times, MOST)
+        table = coherent_profiles(points, finder.first.pose, within)
+        found = None if table is None else fit_condenser(looks, table)
+        if not (isinstance(found, Refused) and found.why.endswith(AT_END)):
+            break
+    return found, table
+
+
+def _by_setting(
+    fit: CondenserFit, aperture: float, source: PictureSource
+) -> CalibratedValue:
+    """Return the coherence of each setting, by the condenser's aperture as read."""
+    found = [fit.coherence(each) for each in fit.settings]
+    rows = zip(fit.settings, found, strict=True)
+    return CalibratedValue(
+        key="coherence_by_condenser",
+        value=tuple((float(f"{s * aperture:.6g}"), each.value) for s, each in rows),
+        sigma=tuple(each.sigma for each in found),
+        unit="numerical aperture as read, 1",
+        method=fit.numbers.method,
+        source=source,
+    )
+
+
+def _offset(
+    fit: CondenserFit, um_per_px: float, source: PictureSource
+) -> CalibratedValue:
+    """Return the offset of the part's own edges, without what coherence moves."""
+    px = fit.offset_px
+    found = BlockEstimate(
+        value=px.value * um_per_px,
+        sigma=None if px.sigma is None else px.sigma * um_per_px,
+        method=f"edges of the part itself, outwards from those drawn; {px.method}",
+        blocks=px.blocks,
+    )
+    return single("own_edge_offset_um", found, source, unit="um")
+
+
+def _curves(
+    fit: CondenserFit,
+    looks: Sequence[CondenserLook],
+    table: CoherentProfiles,
+    aperture: float,
+) -> dict[str, CalibrationCurve]:
+    """Return one profile of each setting with the image's through it."""
+    found, across = {}, across_px().tolist()
+    for setting in fit.settings:
+        look = next(each for each in looks if each.setting == setting)
+        s, offset = fit.coherence(setting).value, fit.offset_px.value
+        meant = table(s, fit.ratio.value, fit.defocus, offset)
+        line = meant * float(look.profile @ meant) / float(meant @ meant)
+        found[f"edge at a condenser of {setting * aperture:.3g}"] = CalibrationCurve(
+            points=list(zip(across, look.profile.tolist(), strict=True)),
+            line=list(zip(across, line.tolist(), strict=True)),
+        )
+    return found
