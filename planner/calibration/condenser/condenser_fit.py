@@ -285,7 +285,8 @@ def _told(fit: CondenserFit, table: CoherentProfiles) -> CondenserFit | Refused:
 def _untold(fit: CondenserFit, table: CoherentProfiles) -> str:
     """Return why a fit tells no coherence, "" if it does."""
     if fit.waves > _MOST_WAVES:
-        return f"the edges are out of focus by {fit.waves:.2g} waves at the pupil's rim"
+        how = "out of focus" if fit.defocus > 0 else "sharper than in focus"
+        return f"the edges are {how} by {fit.waves:.2g} waves at the pupil's rim"
     ratio = fit.ratio.value
     if abs(1 - ratio) < _LEAST_CONTRAST * max(1.0, ratio):
         return f"its edges are too faint: amplitudes are 1 to {ratio:.3g}"

@@ -29,8 +29,9 @@ def condenser_words(
     names = {"focus": "a defocus", "own": "a factor of each setting"}
     for name, share in fit.better.items():
         yield f"pictures left out err {share:.2g} of as much with {names[name]}"
-    if fit.waves:
-        yield f"out of focus by {fit.waves:.2g} waves at the pupil's rim, accounted for"
+    if fit.defocus > 0:
+        words = "or the aperture is less than stated; that is accounted for"
+        yield f"out of focus by {fit.waves:.2g} waves at the pupil's rim, {words}"
     yield f"profiles are off by {fit.rms:.2%} rms of the edge's step"
     yield f"amplitude around the part over its own: {fit.ratio.value:.4f}"
     if not scaled:
@@ -46,6 +47,10 @@ def stated_doubts(
     fit: CondenserFit, aperture: float, where: Span, report: Report
 ) -> None:
     """Report settings whose coherence is not what their readings say."""
+    if fit.defocus < 0:
+        message = "edges are sharper than images in focus"
+        hint = "calibrate optics.numerical_aperture by focus steps first"
+        report.warning(CODE, where, message, hint)
     far = []
     for setting in fit.settings:
         found = fit.coherence(setting)
