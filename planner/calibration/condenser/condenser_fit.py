@@ -40,6 +40,9 @@ _LEAST_CONTRAST = 0.1  # of amplitudes: fainter edges hardly change with coheren
 # rms of an edge's step: by as much images of the compiler change with more points of
 # the source, and differ from those of twins
 _TRUE = 4e-4
+# rms of the edge's step by which images of a right lens are off in twins; what more is
+# off may look like other numbers as well
+USUAL = 1e-3
 _FIXED = 3  # numbers before those of coherence: offset px, ratio, defocus
 _STEP = 1e-4  # by which numbers are changed for slopes
 
@@ -66,6 +69,7 @@ class CondenserFit:
     defocus: float  # as `CoherentProfiles` has it; 0: not told from none
     better: dict[str, float]  # squared error left out with a term, over that without
     rms: float  # of profiles about the images', of the edge's step
+    misfit: float  # the same of all places together: less noise
 
     @property
     def waves(self) -> float:
@@ -221,6 +225,14 @@ class _Terms:
         """Return offset, ratio and coherence at each setting, of numbers."""
         return np.append(numbers[:2], list(self.coherence(numbers).values()))
 
+    def misfit(self, numbers: FloatArray) -> float:
+        """Return by how much all places together are off, rms of an edge's step."""
+        means = []
+        for setting in self.settings:
+            some = [look for look in self.looks if look.setting == setting]
+            means.append(self.off(numbers, some).reshape(len(some), -1).mean(axis=0))
+        return float(np.sqrt(np.mean(np.square(means))))
+
     def common(self, numbers: FloatArray) -> FloatArray:
         """Return the outputs' covariance by what images of two makers differ by."""
         here, slopes, moves = self.off(numbers, self.looks), [], []
@@ -233,7 +245,8 @@ class _Terms:
             moves.append((self.outputs(other) - self.outputs(numbers)) / _STEP)
         design, moved = np.stack(slopes, axis=1), np.stack(moves, axis=1)
         inner = np.linalg.pinv(design.T @ design)
-        covariance: FloatArray = _TRUE**2 * len(here) * moved @ inner @ moved.T
+        true = _TRUE * max(self.misfit(numbers) / USUAL, 1.0)
+        covariance: FloatArray = true**2 * len(here) * moved @ inner @ moved.T
         return covariance
 
 
@@ -274,6 +287,7 @@ def _found(plan: _Terms, better: dict[str, float]) -> CondenserFit:
         defocus=float(numbers[2]),
         better=better,
         rms=float(np.sqrt(np.mean(plan.off(numbers, plan.looks) ** 2))),
+        misfit=plan.misfit(numbers),
     )
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from microplan.planner.calibration.condenser.condenser_fit import CondenserFit
+from microplan.planner.calibration.condenser.condenser_fit import (
+    USUAL,
+    CondenserFit,
+)
 from microplan.planner.calibration.picture_intake import CODE
 from microplan.planner.source.diagnostics import Report, Span
 
 _APART = 3.0  # standard deviations
+_OFF = 1.5  # times what images of a right lens are off by
 _MATTERS = 0.03  # of a coherence: readings that are off by less are right
 
 
@@ -49,6 +53,13 @@ def stated_doubts(
     """Report settings whose coherence is not what their readings say."""
     if fit.defocus < 0:
         message = "edges are sharper than images in focus"
+        hint = "calibrate optics.numerical_aperture by focus steps first"
+        report.warning(CODE, where, message, hint)
+    elif fit.misfit > _OFF * USUAL:
+        message = (
+            f"images are off by {fit.misfit:.2%} of an edge's step, {USUAL:.1%} is "
+        )
+        message += "usual: the standard deviations are as much larger"
         hint = "calibrate optics.numerical_aperture by focus steps first"
         report.warning(CODE, where, message, hint)
     far = []

@@ -66,10 +66,10 @@ def shots(settings: Sequence[float], scale: float = 1.0) -> list[CondenserShot]:
     ]
 
 
-def told(folder: Path, pictures: Path) -> Any:
+def told(folder: Path, pictures: Path, cell: str = "grey") -> Any:
     """Return the workcell that a call writes."""
     out = folder / f"new_{pictures.name}.yaml"
-    assert call(folder, pictures, "-o", str(out)) == 0
+    assert call(folder, pictures, "-o", str(out), cell=cell) == 0
     return yaml.safe_load(out.read_text(encoding="utf-8"))
 
 
@@ -134,6 +134,20 @@ def test_one_setting_that_reads_wrong_is_its_own(
     new = told(folder, write_condenser(folder / "own", etched(), rows))
     holds(new, (0.3, 0.6))
     assert "readings share no factor" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stated", [0.40, 0.44])
+def test_another_aperture_than_stated_is_in_the_deviations(
+    folder: Path, stated: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (folder / "grey.yaml").read_text(encoding="utf-8")
+    name = f"aperture_{stated}"
+    text = text.replace("numerical_aperture: 0.42", f"numerical_aperture: {stated}")
+    (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    pictures = write_condenser(folder / name, etched(), shots((0.3, 0.6)))
+    holds(told(folder, pictures, name), (0.3, 0.6))
+    assert "calibrate optics.numerical_aperture" in capsys.readouterr().err
 
 
 @pytest.mark.slow
