@@ -138,7 +138,7 @@ def condenser_settings(
                 "coherence", found.coherence(setting), source,
                 where=_WHERE, stated=stated.coherence,
             ),
-            _by_setting(found, aperture, source),
+            *_by_setting(found, aperture, source),
             _offset(found, um_per_px, source),
         ),
         notes=tuple(condenser_words(found, read, scaled=scaled)),
@@ -218,18 +218,13 @@ def _fitted(
 
 def _by_setting(
     fit: CondenserFit, aperture: float, source: PictureSource
-) -> CalibratedValue:
-    """Return the coherence of each setting, by the condenser's aperture as read."""
-    found = [fit.coherence(each) for each in fit.settings]
-    rows = zip(fit.settings, found, strict=True)
-    return CalibratedValue(
-        key="coherence_by_condenser",
-        value=tuple((float(f"{s * aperture:.6g}"), each.value) for s, each in rows),
-        sigma=tuple(each.sigma for each in found),
-        unit="numerical aperture as read, 1",
-        method=fit.numbers.method,
-        source=source,
-    )
+) -> list[CalibratedValue]:
+    """Return the coherence of each setting, named by the condenser as read."""
+    found = []
+    for setting in fit.settings:  # names have no point
+        read = f"{setting * aperture:.4g}".replace(".", "_")
+        found.append(single(f"coherence_at_{read}", fit.coherence(setting), source))
+    return found
 
 
 def _offset(
