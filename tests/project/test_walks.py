@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.project.walk import Said, alike, walk
+from microplan.planner.task.presets import PRESETS
+from tests.project.walk import PROGRAMS, Said, alike, walk
 
 DOCS = Path(__file__).parents[2] / "docs"
 
 PAGES = ("tutorial-own-part.md", "howto-driver.md", "howto-not-found.md")
+# Trials of a look that its page tells nothing of.
+FEW = replace(PRESETS["fast"], trials=8)
+
+
+def spend_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let compiles try fewer images and runs take quick pictures: the same lines."""
+    monkeypatch.setitem(PRESETS, "fast", FEW)
+    run = PROGRAMS["microplan-run"]
+    quick = ["--camera", "quick"]
+    monkeypatch.setitem(PROGRAMS, "microplan-run", lambda words: run([*words, *quick]))
 
 
 @pytest.fixture
 def said(
     page: str,
+    whole: bool,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -26,6 +39,8 @@ def said(
     monkeypatch.chdir(folder)
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    if not whole:
+        spend_less(monkeypatch)
 
     def read() -> str:
         out, err = capsys.readouterr()
@@ -35,6 +50,9 @@ def said(
 
 
 @pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize(
+    "whole", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["soon", "whole"]
+)
 def test_every_command_prints_what_the_page_says(said: list[Said]) -> None:
     assert said
     for call in said:
