@@ -31,7 +31,9 @@ def test_the_exact_reference_agrees_on_every_kept_edge_of_random_parts(
     assert sum(one.kept for one in found) > 0.3 * sum(one.points for one in found)
 
 
-@pytest.mark.parametrize("kind", ["transmitted", "ring", "line"])
+@pytest.mark.parametrize(
+    "kind", ["transmitted", "ring", pytest.param("line", marks=pytest.mark.slow)]
+)
 def test_rays_agree_on_every_kept_edge_in_other_light(kind: str) -> None:
     found = judge_lit(kind, 0)
     assert found.wrong == 0
