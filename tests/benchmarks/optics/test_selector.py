@@ -10,8 +10,8 @@ from benchmarks.optics.selector import COUNT, draw, judge
 # One layer and closed forms that take a moment, several layers, high apertures, and
 # the scenes that once found bounds which were none: cut arcs, wide bodies, an arc that
 # touches its box, and a body hardly wider than its blur.
-SAMPLE = (5, 8, 13, 17, 21, 22, 25, 31, 37, 43, 44, 47, 53, 55, 202)
-DEAREST = 1, 448
+SAMPLE = (5, 13, 17, 21, 22, 37, 44, 47, 53, 55, 202)
+DEAREST = 1, 8, 25, 31, 43, 448
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,9 @@ def _centroid_um(image: FloatArray, optics: Microscope, window: Window) -> Float
     return np.asarray((px - middle) / (k, -k))
 
 
-@pytest.mark.parametrize("distortion", [0.03, -0.03])
+@pytest.mark.parametrize(
+    "distortion", [0.03, pytest.param(-0.03, marks=pytest.mark.slow)]
+)
 def test_a_rendered_disc_agrees_with_a_warped_raster(distortion: float) -> None:
     lens = LensErrors(distortion=distortion, lateral_x=0.2, scale_per_um=0.01)
     radius, center, z = 9.0, (12.0, -6.0), 2.0

@@ -50,10 +50,15 @@ def _error(
     ("magnification", "z_um"),
     [
         (6.9, 0.0),
-        (44.5, 25.0),
         *(
             pytest.param(*setting, marks=pytest.mark.slow)
-            for setting in ((6.9, 2.5), (6.9, 25.0), (44.5, 0.0), (44.5, 2.5))
+            for setting in (
+                (6.9, 2.5),
+                (6.9, 25.0),
+                (44.5, 0.0),
+                (44.5, 2.5),
+                (44.5, 25.0),
+            )
         ),
     ],
 )

@@ -241,7 +241,7 @@ def test_a_mirror_under_a_narrow_lamp_shows_what_its_cone_finds(
     assert np.sqrt(np.mean((wide - truth) ** 2)) > 0.07
 
 
-@pytest.mark.parametrize("lamp", [LENS, 0.2])
+@pytest.mark.parametrize("lamp", [pytest.param(LENS, marks=pytest.mark.slow), 0.2])
 def test_a_mirror_beside_a_wall_that_mirrors_is_lit_past_it(lamp: float) -> None:
     scene = seated(0.7, 1.0)
     at = pixels(RADII)
@@ -300,7 +300,9 @@ def few_rays(scene: Scene, focus_um: float) -> FloatArray:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("focus_um", [100.0, 250.0])
+@pytest.mark.parametrize(
+    "focus_um", [pytest.param(100.0, marks=pytest.mark.slow), 250.0]
+)
 def test_points_and_rays_farther_apart_show_walls_a_little_worse(
     focus_um: float,
 ) -> None:
