@@ -56,7 +56,17 @@ def step_across(case: LookCase, *, hole: bool) -> np.ndarray:
     return (seen[0] - seen[1]).ravel()
 
 
-@pytest.mark.parametrize("name", REGIONS)
+# the others are as bright and as symmetric as the pad, or nearly
+QUICK = ("slot", "pocket", "pad")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
+        for name in REGIONS
+    ],
+)
 def test_a_region_is_located_with_its_angle(tmp_path: Path, name: str) -> None:
     """Its own ring is an edge all along, and chains find it within the look's limits.
 

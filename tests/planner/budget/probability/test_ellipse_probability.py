@@ -122,7 +122,13 @@ TAILS = [
 ]
 
 
-@pytest.mark.parametrize(("radius_um", "narrow_um", "wide_um", "middle_um"), TAILS)
+@pytest.mark.parametrize(
+    ("radius_um", "narrow_um", "wide_um", "middle_um"),
+    [
+        pytest.param(*tail, marks=[pytest.mark.slow] if k in (1, 3, 4) else [])
+        for k, tail in enumerate(TAILS)
+    ],
+)
 def test_tails_keep_their_digits(
     radius_um: float, narrow_um: float, wide_um: float, middle_um: tuple[float, float]
 ) -> None:

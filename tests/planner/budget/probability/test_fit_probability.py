@@ -63,10 +63,22 @@ def sampled_miss(
         (PAPER, NONE, 1.03, 0.0),
         (PAPER, Residual(sigma_um=1.3, within_um=1.5), 0.6, 0.0),
         (PAPER, Residual(sigma_um=0.2, within_um=1.5), 1.0, 0.0),
-        (fit(0.5, 0.3), Residual(sigma_um=0.3, within_um=0.4), 0.1, 0.0),
+        pytest.param(
+            fit(0.5, 0.3),
+            Residual(sigma_um=0.3, within_um=0.4),
+            0.1,
+            0.0,
+            marks=pytest.mark.slow,
+        ),
         (fit(0.2, 0.3), NONE, 0.1, 0.0),  # some shafts are thicker than their hole
         (PAPER, NONE, 1.0, 0.8),
-        (PAPER, Residual(sigma_um=1.3, within_um=1.5), 0.8, 0.8),
+        pytest.param(
+            PAPER,
+            Residual(sigma_um=1.3, within_um=1.5),
+            0.8,
+            0.8,
+            marks=pytest.mark.slow,
+        ),
         (PAPER, Residual(sigma_um=1.3, within_um=1.5), 0.3, 1.4),
     ],
 )

@@ -34,6 +34,7 @@ from microplan.schemas.plan.verdicts import TurnRow
 NONE = Residual(sigma_um=0.0, within_um=0.0)
 DRAWS = 2000
 SIZED = ("D", "L", "rectangle")  # the others as drawn: less to do
+DEAREST = ("D", "L", "key", "cross")
 
 
 def circle(radius: float) -> Outline:
@@ -61,7 +62,14 @@ def error_of(
     )
 
 
-@pytest.mark.parametrize("family", [f for f in FAMILIES if f != "spline"])
+@pytest.mark.parametrize(
+    "family",
+    [
+        pytest.param(f, marks=[pytest.mark.slow] if f in DEAREST else [])
+        for f in FAMILIES
+        if f != "spline"
+    ],
+)
 def test_chances_agree_with_draws(family: str) -> None:
     rng = np.random.default_rng(17)
     pair = draw_pair(family, rng)
