@@ -20,7 +20,7 @@ from tests.executor.bench import QUICK
 from tests.executor.pictures import each_state_once
 from tests.planner.examples import change, copy_example, one_zoom
 
-SEEDS = range(4)  # `python -m benchmarks microplan.executor.success` takes hundreds
+SEEDS = (2, 4)  # `python -m benchmarks microplan.executor.success` takes hundreds
 # An L of lines, 120 x 80 um; an arc rounds one corner and a circle is its hole.
 BRACKET = (
     ((0, 0), (120, 0)),
@@ -55,12 +55,21 @@ def good(runs: Sequence[tuple[int, dict[str, Any]]]) -> int:
 Runs = list[tuple[int, dict[str, Any]]]
 
 
-@pytest.fixture(scope="module")
-def runs(compiled_example: Path, tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    """Return the example's runs with every seed."""
+@pytest.fixture(
+    scope="module", params=[SEEDS[0], pytest.param(SEEDS[1], marks=pytest.mark.slow)]
+)
+def runs(
+    compiled_example: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    request: pytest.FixtureRequest,
+) -> Runs:
+    """Return the example's runs, with so many seeds."""
     folder = tmp_path_factory.mktemp("runs")
     with each_state_once():
-        return [run(compiled_example, folder / str(seed), seed) for seed in SEEDS]
+        return [
+            run(compiled_example, folder / str(seed), seed)
+            for seed in range(request.param)
+        ]
 
 
 def test_the_example_ends_with_the_gear_on_its_post(
@@ -68,7 +77,7 @@ def test_the_example_ends_with_the_gear_on_its_post(
 ) -> None:
     plan = json.loads((compiled_example / "plan.json").read_text())
     done = [summary for status, summary in runs if status == 0]
-    assert len(done) >= len(SEEDS) - 1
+    assert len(done) >= len(runs) - 1
     assert all(summary["cell_verdict"]["success"] for summary in done)  # none false
     chance = plan["success_probability"]
     assert binomtest(good(runs), len(runs), chance).pvalue > 0.01
@@ -79,7 +88,8 @@ def test_looks_err_as_the_trials_promised(compiled_example: Path, runs: Runs) ->
     for step in (s for s in plan["steps"] if s["looks"]):
         sigma = step["looks"][-1]["measure"]["sigma_xy_um"]
         errors = [s["true_look_error_um"][step["id"]] for _, s in runs]
-        # an rms over both axes above 2 sigma sqrt(2) has a chance below 1e-4 in 4 runs
+        # an rms over both axes above 2 sigma sqrt(2) has a chance below 1e-4 in 4 runs,
+        # and of 3e-3 in 2
         assert math.hypot(*errors) / math.sqrt(len(errors)) < 2 * math.sqrt(2) * sigma
 
 

@@ -12,6 +12,8 @@ import pytest
 from microplan.executor.cli.main import main
 from tests.executor.bench import Folder, assembly, quiet, world
 
+pytestmark = pytest.mark.usefixtures("one_render_a_state")
+
 EXAMPLE = Path(__file__).parents[3] / "examples" / "stations" / "simulated.toml"
 
 

@@ -17,6 +17,8 @@ from microplan.schemas.plan import FORMAT_VERSION, AxisMove, parse_plan
 from tests.executor.bench import QUICK, Folder, assembly, world
 
 Data = dict[str, Any]
+pytestmark = pytest.mark.usefixtures("one_render_a_state")
+
 MAJOR, MINOR = (int(part) for part in FORMAT_VERSION.split("."))
 
 
