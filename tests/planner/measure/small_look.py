@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import atexit
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import numpy.typing as npt
@@ -24,12 +28,21 @@ from microplan.planner.measure.picture_look import (
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store, place
+from microplan.planner.task.presets import PRESETS
 from tests.planner.examples import copy_example, one_look, one_zoom, read
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 STEP = "see_post"
 CHAIN = ("otsu", "likelihood")
 CALL = ("--step", STEP, "--chain", ",".join(CHAIN), "--preset", "fast")
+
+
+@contextmanager
+def fewer_trials() -> Iterator[None]:
+    """Let the preset `fast` spend less while inside."""
+    less = replace(PRESETS["fast"], trials=8, random_trials=16)
+    with patch.dict(PRESETS, {"fast": less}):
+        yield
 
 
 @cache

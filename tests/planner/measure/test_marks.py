@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -25,11 +25,18 @@ from microplan.planner.measure.part_task import PartCall
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from tests.planner.examples import change, copy_example
+from tests.planner.measure.small_look import fewer_trials
 from validation.twins.series import Pose
 
 CHAIN: Chain = ("contour_match", "likelihood")
 DOTS = PARTS["dots"]
 SIGMAS = 4.0
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fewer_trials() -> Iterator[None]:
+    with fewer_trials():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store, place
 from tests.planner.examples import EXAMPLE
-from tests.planner.measure.small_look import save
+from tests.planner.measure.small_look import fewer_trials, save
 
 ZOOM = 20.0
 CHAIN = ("--chain", "contour_match")  # nothing has to be compared
@@ -30,7 +31,15 @@ UM_PER_PX = 7.5 / ZOOM  # of the example's camera
 SIZE, SENSOR = [320, 240], [2400, 1800]  # a quarter of it
 SIGMAS = 4.0
 MIDDLE_UM = -5.0  # x of the middle of the drawing's box, where the target is
+AT_UM = (3.3, 4.6)  # of the disc, and about where its target is then
+NEAR = "160px,117px,40"
 FINER = 6  # points a side of a pixel, of pictures drawn here
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fewer_trials() -> Iterator[None]:
+    with fewer_trials():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -92,17 +101,17 @@ def measure(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> An
     return json.loads(line)
 
 
-@pytest.mark.parametrize("near", [None, "160px,117px,40"])
+@pytest.mark.parametrize("near", [None, NEAR])
 def test_a_part_is_found_within_what_is_said_of_it(
     folder: Path, capsys: pytest.CaptureFixture[str], near: str | None
 ) -> None:
     """Anywhere in the frame at any angle, or near a place."""
     turn = math.radians(41.0)
-    save(folder / "a.png", picture(3.3, 4.6, turn))
+    save(folder / "a.png", picture(*AT_UM, turn))
     where = () if near is None else ("--near", near)
     one = measure(folder, capsys, *CHAIN, *where)
     assert one["accepted"]
-    x, y = 3.3 + MIDDLE_UM * math.cos(turn), 4.6 + MIDDLE_UM * math.sin(turn)
+    x, y = AT_UM[0] + MIDDLE_UM * math.cos(turn), AT_UM[1] + MIDDLE_UM * math.sin(turn)
     sigma = math.hypot(one["repeatability_um"], one["trueness_um"])
     assert abs(one["x_um"] - x) < SIGMAS * sigma
     assert abs(one["y_um"] - y) < SIGMAS * sigma
@@ -112,11 +121,12 @@ def test_a_part_is_found_within_what_is_said_of_it(
 def test_a_dark_part_is_found_if_it_is_said_to_be_dark(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    save(folder / "a.png", picture(0.4, -0.3, 0.0, dark=True))
-    near = ("--near", "148px,120px,0")
+    turn, near = math.radians(41.0), ("--near", NEAR)
+    save(folder / "a.png", picture(*AT_UM, turn, dark=True))
     one = measure(folder, capsys, *CHAIN, *near, "--polarity", "dark")
     assert one["accepted"]
-    assert one["x_um"] == pytest.approx(0.4 + MIDDLE_UM, abs=0.1)
+    x_um = AT_UM[0] + MIDDLE_UM * math.cos(turn)
+    assert one["x_um"] == pytest.approx(x_um, abs=0.1)
     assert not measure(folder, capsys, *CHAIN, *near).get("accepted")
 
 
