@@ -142,7 +142,7 @@ def test_what_is_installed_compiles_and_runs_beside_modules_of_the_same_names(
     """One look of the example, byte for byte as by the sources; its plan runs."""
     task = copy_example(installed.folder / "poisoned")
     one_look(task)
-    poison, words = task.parent, ("--preset", "fast", "--jobs", "2")
+    poison, words = task.parent, ("--preset", "fast", "--jobs", "1")
     by_sources = installed.folder / "by_sources"
     assert main(["compile", str(task), "-o", str(by_sources), *words]) == 0
     for package in PACKAGES:
