@@ -135,7 +135,12 @@ def test_the_tail_of_positive_coma_lies_towards_less(noll: int, axis: int) -> No
 
 
 @pytest.mark.parametrize(
-    "terms", [((8, 0.05),), ((6, 0.07),), ((11, 0.07), (10, 0.03))]
+    "terms",
+    [
+        pytest.param(((8, 0.05),), marks=pytest.mark.slow),
+        ((6, 0.07),),
+        ((11, 0.07), (10, 0.03)),
+    ],
 )
 def test_an_edge_is_as_soft_as_the_pupils_overlap_says(terms: Terms) -> None:
     """By overlaps of two pupils at each frequency, without images of points."""
@@ -189,8 +194,15 @@ def edge_middle(light: FloatArray) -> FloatArray:
     return np.array([2 * np.mean(low * c), 2 * np.mean(low * s)])
 
 
-@pytest.mark.parametrize("drop_um", [20.0, 70.0])
-@pytest.mark.parametrize("terms", [((8, 0.1),), ((7, -0.1),)])
+@pytest.mark.parametrize(
+    ("terms", "drop_um"),
+    [
+        (((8, 0.1),), 20.0),
+        (((7, -0.1),), 70.0),
+        pytest.param(((8, 0.1),), 70.0, marks=pytest.mark.slow),
+        pytest.param(((7, -0.1),), 20.0, marks=pytest.mark.slow),
+    ],
+)
 def test_what_is_far_out_of_focus_moves_as_the_mean_of_rays(
     terms: Terms, drop_um: float
 ) -> None:
