@@ -76,7 +76,7 @@ def test_a_guess_beside_the_place_does_not_hide_the_focus() -> None:
         assert found.z_um == pytest.approx(z_um, abs=0.15)
 
 
-@pytest.mark.parametrize("z_um", [0.0, 4.0])
+@pytest.mark.parametrize("z_um", [pytest.param(0.0, marks=pytest.mark.slow), 4.0])
 def test_place_and_focus_are_at_the_joint_limit(z_um: float) -> None:
     rng, errors, claimed = np.random.default_rng(6), [], []
     k = case("post").target.px_per_um

@@ -63,7 +63,17 @@ def fits(name: str, z_um: float) -> tuple[FloatArray, FloatArray, tuple[PoseFit,
 CASES = [(name, z) for name in ("find_gear", "post", "over_shaft") for z in (0.0, 10.0)]
 
 
-@pytest.mark.parametrize(("name", "z_um"), CASES)
+# each look once, in focus or out of it; many draws of a fit take a while
+QUICK = (("find_gear", 0.0), ("post", 10.0), ("over_shaft", 10.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "z_um"),
+    [
+        pytest.param(*each, marks=[] if each in QUICK else [pytest.mark.slow])
+        for each in CASES
+    ],
+)
 def test_own_deviations_are_honest(name: str, z_um: float) -> None:
     errors, own, _ = fits(name, z_um)
     low, high = (chi2.ppf(p, DRAWS) / DRAWS for p in (SURE, 1 - SURE))
