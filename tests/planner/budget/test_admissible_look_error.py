@@ -67,7 +67,9 @@ def test_what_an_insertion_bears_of_its_look_gives_just_its_share() -> None:
     )
 
 
-@pytest.mark.parametrize("magnification", [1.01, 2.0, 6.0])
+@pytest.mark.parametrize(
+    "magnification", [1.01, pytest.param(2.0, marks=pytest.mark.slow), 6.0]
+)
 def test_a_look_is_worth_keeping_until_a_faultless_one_elsewhere_is_as_likely(
     magnification: float,
 ) -> None:

@@ -113,7 +113,7 @@ def imaged_um(case: LookCase, ready: PreparedRoutines, terms: Terms) -> np.ndarr
     return np.asarray(np.mean(found, axis=0))
 
 
-@pytest.mark.parametrize("off_um", [0.0, 3.0])
+@pytest.mark.parametrize("off_um", [pytest.param(0.0, marks=pytest.mark.slow), 3.0])
 def test_trials_through_a_stated_lens_move_answers_as_twins_do(off_um: float) -> None:
     """Within 2 nm, of the tens that coma and trefoil move them by."""
     case = look(off_um)
