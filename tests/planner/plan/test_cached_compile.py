@@ -28,7 +28,16 @@ from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import requests
 from microplan.planner.views.target_views import views
-from tests.planner.examples import FEW, change, copy_example, one_look, read
+from tests.planner.examples import (
+    FEW,
+    GRASP,
+    between_jaws,
+    change,
+    copy_example,
+    cut,
+    one_look,
+    read,
+)
 
 Compile = Callable[..., dict[str, bytes]]
 NOT_COMPARED = {"timings.json"}  # measured times
@@ -198,11 +207,14 @@ def test_a_spoilt_cache_is_computed_anew(
 
 
 def test_a_cache_that_cannot_be_written_stops_nothing(
-    files: Compile, plain: dict[str, bytes], tmp_path: Path
+    files: Compile, made: list[str], tmp_path: Path, task: Path
 ) -> None:
+    between_jaws(task)
+    cut(task, GRASP, "{id: release, do: release, target: gear, opening_um: 130}")
     blocked = tmp_path / "blocked"
     blocked.write_bytes(b"")
-    assert files("--cache", str(blocked)) == plain
+    assert files("--cache", str(blocked)) == files("--no-cache")
+    assert made  # it was to keep something
 
 
 def test_the_place_is_the_users_cache(
