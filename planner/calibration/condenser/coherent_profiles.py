@@ -23,7 +23,8 @@ from microplan.planner.calibration.through_focus.edge_profile import (
 
 MOST = 2.0  # condenser over objective: beyond profiles hardly change, and images cost
 WAVES = 0.25  # of defocus at the rim by which profiles are told to be out of focus
-_NODES = (0.08, 0.13, 0.2, 0.3, 0.42, 0.55, 0.7, 0.85, 1.0, 1.15, 1.5, 2.0)
+LEAST = 0.08  # the same: below light is as good as coherent
+_NODES = (LEAST, 0.13, 0.2, 0.3, 0.42, 0.55, 0.7, 0.85, 1.0, 1.15, 1.5, 2.0)
 _FEW = 3  # nodes up to 1 at which a defocus and an offset are told
 _SAMPLES = 10  # of the source: mean profiles change by 3e-4 of a step to 16
 _ROUGHLY = 6  # of the source out of focus: what changes with it is small

@@ -28,9 +28,9 @@ TAKE = (
     "the part in focus at two settings of the condenser or more, some .3 and .8 of "
     "the objective's aperture, each at six places or more"
 )
-AT_END = "is the end of what is tried"
 _METHOD = "edges at settings of the condenser against coherent images; places left out"
 _BETTER = 0.9  # of the squared error of pictures left out that a term must reach
+_CLEARLY = 0.5  # the same of few places, where no deviation tells chance from it
 _SURE = 3.0  # standard deviations by which a setting is off the common factor
 _VAGUE = 0.2  # of a coherence: it is not told
 _AT_END = 1e-3  # of an end of the table
@@ -106,6 +106,11 @@ def unfit_settings(readings: Sequence[float]) -> Refused | None:
     return None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtEnd(Refused):
+    """A coherence at an end of the table: another table may hold it."""
+
+
 def fit_condenser(
     looks: Sequence[CondenserLook], table: CoherentProfiles
 ) -> CondenserFit | Refused:
@@ -130,6 +135,10 @@ def fit_condenser(
         shares = {name: error / max(other, 1e-300) for name, other in without.items()}
         better |= shares
         doubtful = [name for name in plan.names if not _is_told(plan, name, shares)]
+        if shares.get("own", 1.0) < _CLEARLY and len(plan.places) < FEWEST_BLOCKS:
+            why = "settings seem to share no factor of their readings, at "
+            why += f"{len(plan.places)} places: from {FEWEST_BLOCKS} on that is told"
+            return Refused(what="coherence", why=why, take=TAKE)
         if not doubtful:
             return _told(_found(plan, better), table)
         plan = plan.without(max(doubtful, key=shares.__getitem__))
@@ -292,26 +301,34 @@ def _found(plan: _Terms, better: dict[str, float]) -> CondenserFit:
 
 
 def _told(fit: CondenserFit, table: CoherentProfiles) -> CondenserFit | Refused:
-    why = _untold(fit, table)
-    return Refused(what="coherence", why=why, take=TAKE) if why else fit
+    """Return a fit, or why it tells no coherence."""
+    why = _untold(fit)
+    if why:
+        return Refused(what="coherence", why=why, take=TAKE)
+    low, high = table.least * (1 + _AT_END), table.most * (1 - _AT_END)
+    for setting in fit.settings:
+        found = fit.coherence(setting).value
+        if not low < found < high:
+            why = f"a setting that means {setting:.3g} suits best at {found:.3g}, "
+            why += f"an end of the {table.least:.3g} to {table.most:.3g} tried"
+            return AtEnd(what="coherence", why=why, take=TAKE)
+    return fit
 
 
-def _untold(fit: CondenserFit, table: CoherentProfiles) -> str:
+def _untold(fit: CondenserFit) -> str:
     """Return why a fit tells no coherence, "" if it does."""
     if fit.waves > _MOST_WAVES:
         how = "out of focus" if fit.defocus > 0 else "sharper than in focus"
-        return f"the edges are {how} by {fit.waves:.2g} waves at the pupil's rim"
+        why = f"the edges are {how} by {fit.waves:.2g} waves at the pupil's rim"
+        return why + ", or the lens has aberrations, which these images lack"
     ratio = fit.ratio.value
     if abs(1 - ratio) < _LEAST_CONTRAST * max(1.0, ratio):
         return f"its edges are too faint: amplitudes are 1 to {ratio:.3g}"
     if fit.rms > _MOST_RMS:
         why = f"images are off by {fit.rms:.1%} of an edge's step; are aperture, "
         return why + "response and black level right, and edges in focus?"
-    low, high = table.least * (1 + _AT_END), table.most * (1 - _AT_END)
     for setting in fit.settings:
         found = fit.coherence(setting)
-        if not low < found.value < high:
-            return f"{found.value:.3g}, that suits best, {AT_END}"
         if (found.sigma or 0.0) > _VAGUE * found.value:
             return f"at {setting:.3g} it is {found.value:.2g} +- {found.sigma:.2g}"
     return ""

@@ -16,13 +16,14 @@ from microplan.planner.calibration.calibrated_value import (
     single,
 )
 from microplan.planner.calibration.condenser.coherent_profiles import (
+    LEAST,
     MOST,
     CoherentProfiles,
     coherent_profiles,
 )
 from microplan.planner.calibration.condenser.condenser_fit import (
-    AT_END,
     TAKE,
+    AtEnd,
     CondenserFit,
     CondenserLook,
     fit_condenser,
@@ -53,6 +54,9 @@ from microplan.planner.source.diagnostics import Report, Span
 _BEYOND = (1.25, 2.0)
 _WHERE = ("optics", "coherence")
 _COAXIAL = "coaxial"
+_WHITE = 0.998  # of full scale: a picture that reaches it is cut off
+_STILL_PX = 1.5  # that a part at one place moves between settings
+_PERFECT = "coherent images lack the wavefront that the workcell states"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +106,9 @@ def condenser_settings(
     Parameters
     ----------
     readings : PictureReadings
-        With the condenser's numerical aperture of each picture; places by stage
-        readings and groups. The first row's setting is that of the workcell.
+        With the condenser's numerical aperture of each picture, of which three digits
+        count; places by stage readings and groups. The first row's setting is that of
+        the workcell.
     finder : PartFinder
         Of these pictures.
     intake : PictureIntake
@@ -120,13 +125,14 @@ def condenser_settings(
     looks = _looks(readings, finder, intake, points)
     if report.failed or not intake.fits(0, where):
         return None
-    found, table = _fitted(points, finder, looks)
-    if table is None or not isinstance(found, CondenserFit):
-        _refuse(found, aperture, where, report)
+    setting = _setting(readings.rows[0], aperture)
+    told = _fitted(points, finder, looks, setting)
+    if isinstance(told, Refused):
+        hint = f"photograph {told.take}"
+        report.error(CODE, where, f"no {told.what}: {told.why}", hint)
         return None
+    found, table = told
     stated_doubts(found, aperture, where, report)
-    first = (readings.rows[0].condenser_aperture or 0.0) / aperture
-    setting = min(found.settings, key=lambda each: abs(each - first))
     read, scaled = setting * aperture, tells_scale(points)
     um_per_px = points.case.microscope.um_per_px
     source = intake.source()
@@ -141,19 +147,12 @@ def condenser_settings(
             *_by_setting(found, aperture, source),
             _offset(found, um_per_px, source),
         ),
-        notes=tuple(condenser_words(found, read, scaled=scaled)),
+        notes=(
+            *condenser_words(found, read, scaled=scaled),
+            *([_PERFECT] if points.case.microscope.wavefront else []),
+        ),
         curves=_curves(found, looks, table, aperture),
     )  # fmt: skip
-
-
-def _refuse(found: object, aperture: float, where: Span, report: Report) -> None:
-    """Report why pictures do not tell a coherence."""
-    message = f"no coherence: settings must lie below {MOST * aperture:.3g}, or the "
-    message += "part's edges leave its images"
-    hint = f"photograph {TAKE}"
-    if isinstance(found, Refused):
-        message, hint = f"no {found.what}: {found.why}", f"photograph {found.take}"
-    report.error(CODE, where, message, hint)
 
 
 def _points(finder: PartFinder) -> EdgePoints | None:
@@ -171,26 +170,46 @@ def _looks(
     points: EdgePoints,
 ) -> list[CondenserLook]:
     """Return the mean profile of each place and setting; frames are one picture."""
-    scope = finder.series.look.case.microscope
+    aperture = finder.series.look.case.microscope.aperture
     held: dict[tuple[str, float], list[FloatArray]] = {}
+    spots: dict[str, list[tuple[float, float]]] = {}
     for row, page in readings_of_pages(readings, intake):
         seen = finder.found_in(page)
-        profile = None
-        if isinstance(seen, MeasuredPicture) and not seen.failure:
-            theta = seen.region.case.target.theta_rad + seen.pose[2]
-            there = replace(points, theta_rad=theta)
-            profile = edge_mean(there, seen.shown, seen.at_px)
-        if profile is None:
+        profile = _mean(points, seen) if isinstance(seen, MeasuredPicture) else None
+        if profile is None or not isinstance(seen, MeasuredPicture):
             message = f"{page.name} does not show the part's edges"
             hint = "is it whole in the field, and in focus?"
             intake.report.warning(CODE, Span(file=str(page.path)), message, hint)
             continue
-        setting = (row.condenser_aperture or 0.0) / scope.aperture
+        if seen.shown.max() >= _WHITE:
+            message = f"{page.name} is saturated: edges look like another coherence"
+            hint = "take it again with less light"
+            intake.report.error(CODE, Span(file=str(page.path)), message, hint)
+            continue
+        spots.setdefault(_place(row), []).append(seen.at_px)
+        setting = _setting(row, aperture)
         held.setdefault((_place(row), setting), []).append(profile)
+    if any(np.ptp(at, axis=0).max() > _STILL_PX for at in spots.values()):
+        message = "the part moves between pictures that are of one place by the table"
+        hint = "state x_um and y_um, or a group, of each place"
+        intake.report.warning(CODE, Span(file=str(readings.file)), message, hint)
     return [
         CondenserLook(place=place, setting=s, profile=np.mean(profiles, axis=0))
         for (place, s), profiles in held.items()
     ]
+
+
+def _mean(points: EdgePoints, seen: MeasuredPicture) -> FloatArray | None:
+    """Return the mean profile across edges, (L,); None if a picture lacks them."""
+    if seen.failure:
+        return None
+    theta = seen.region.case.target.theta_rad + seen.pose[2]
+    return edge_mean(replace(points, theta_rad=theta), seen.shown, seen.at_px)
+
+
+def _setting(row: PictureReading, aperture: float) -> float:
+    """Return a condenser's aperture, three digits as read, over the objective's."""
+    return float(f"{row.condenser_aperture or 0.0:.3g}") / aperture
 
 
 def _place(row: PictureReading) -> str:
@@ -199,21 +218,44 @@ def _place(row: PictureReading) -> str:
 
 
 def _fitted(
-    points: EdgePoints, finder: PartFinder, looks: Sequence[CondenserLook]
-) -> tuple[CondenserFit | Refused | None, CoherentProfiles | None]:
-    """Return what pictures tell, and the images' profiles about it."""
-    settings = [look.setting for look in looks]
-    found: CondenserFit | Refused | None = unfit_settings(settings)
-    table = None
-    if found is not None or max(settings) >= MOST:
-        return found, None
+    points: EdgePoints,
+    finder: PartFinder,
+    looks: Sequence[CondenserLook],
+    first: float,
+) -> tuple[CondenserFit, CoherentProfiles] | Refused:
+    """Return what pictures tell with the images' profiles about it, or why not.
+
+    `first`: the setting that is the workcell's.
+    """
+    settings = sorted({look.setting for look in looks})
+    refused = unfit_settings(settings) or _beyond(settings, first)
+    if refused is not None:
+        return refused
+    found: CondenserFit | Refused | None = None
     for times in _BEYOND:
-        within = min(settings) / times, min(max(settings) * times, MOST)
+        within = settings[0] / times, min(settings[-1] * times, MOST)
         table = coherent_profiles(points, finder.first.pose, within)
         found = None if table is None else fit_condenser(looks, table)
-        if not (isinstance(found, Refused) and found.why.endswith(AT_END)):
+        if table is not None and isinstance(found, CondenserFit):
+            return found, table
+        if not isinstance(found, AtEnd):
             break
-    return found, table
+    if isinstance(found, Refused):
+        return found
+    why = "the part's edges leave the images that they are held against"
+    return Refused(what="coherence", why=why, take="it farther from the border")
+
+
+def _beyond(settings: Sequence[float], first: float) -> Refused | None:
+    """Return why settings, rising, cannot be held against images; None if they can."""
+    why = ""
+    if first not in settings:
+        why = "the first row's setting is the workcell's, and no picture of it is left"
+    elif settings[0] < LEAST:
+        why = f"a setting means {settings[0]:.3g}, {LEAST:g} is the least that is told"
+    elif settings[-1] >= MOST:
+        why = f"a setting means {settings[-1]:.3g}, only below {MOST:g} it is told"
+    return Refused(what="coherence", why=why, take=TAKE) if why else None
 
 
 def _by_setting(

@@ -59,16 +59,20 @@ def stated_doubts(
         message = (
             f"images are off by {fit.misfit:.2%} of an edge's step, {USUAL:.1%} is "
         )
-        message += "usual: the standard deviations are as much larger"
-        hint = "calibrate optics.numerical_aperture by focus steps first"
+        message += "usual"
+        if fit.offset_px.sigma is not None:
+            message += ": the standard deviations are as much larger"
+        hint = "are optics.numerical_aperture, camera.response and black_level right, "
+        hint += "the lens free of aberrations, the light below saturation?"
         report.warning(CODE, where, message, hint)
     far = []
     for setting in fit.settings:
         found = fit.coherence(setting)
         sure = found.sigma is None or abs(found.value - setting) > _APART * found.sigma
         if sure and abs(found.value - setting) > _MATTERS * setting:
-            read, sigma = f"{setting * aperture:.3g}", f" +- {found.sigma or 0:.2g}"
-            far.append(f"{read} means {setting:.3g}, seen is {found.value:.3g}{sigma}")
+            sigma = "" if found.sigma is None else f" +- {found.sigma:.2g}"
+            read = f"{setting * aperture:.3g} means {setting:.3g}"
+            far.append(f"{read}, seen is {found.value:.3g}{sigma}")
     if far:
         message = f"condenser_aperture contradicts the edges: {'; '.join(far)}"
         hint = "the scale of the condenser is off, or optics.numerical_aperture is"

@@ -99,7 +99,8 @@ def test_few_places_have_no_deviation_and_one_common_factor() -> None:
         ({0.3: 0.3, 0.7: 0.7}, {"defocus": 0.7}, "out of focus by 0.21 waves"),
         ({0.3: 0.3, 0.7: 0.7}, {"ratio": 0.95}, "too faint: amplitudes are 1 to 0.95"),
         ({0.3: 0.3, 0.7: 0.7}, {"noise": 0.1, "places": 2}, "images are off by"),
-        ({0.2: 0.05, 0.7: 0.3}, {}, "is the end of what is tried"),
+        ({0.2: 0.05, 0.7: 0.3}, {}, "an end of the"),
+        ({0.3: 0.3, 0.5: 0.5, 0.7: 0.85}, {"places": 4}, "share no factor"),
     ],
 )
 def test_what_is_not_told_is_refused(

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import tifffile
 import yaml
 
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from tests.planner.calibration.coherent_twin import (
-    CAMERA,
     CondenserRig,
     CondenserShot,
     write_condenser,
@@ -178,7 +179,9 @@ def few(folder: Path) -> Path:
     [
         ((0.12, 0.12), "grey", "1 setting of the condenser, 2 are needed"),
         ((0.12, 0.14), "grey", "the largest is 1.17 times the least"),
-        ((0.12, 0.9), "grey", "settings must lie below 0.84"),
+        ((0.12, 0.9), "grey", "means 2.14, only below 2 it is told"),
+        ((0.01, 0.02), "grey", "means 0.0238, 0.08 is the least"),
+        ((0.1260001, 0.1260002), "grey", "the largest is 1 times the least"),
         ((0.12, 0.25), "workcell", "no camera.response and no camera.black_level"),
         ((0.12, 0.25), "ring", "light.kind is ring"),
     ],
@@ -203,6 +206,14 @@ def test_what_tells_no_coherence_is_refused(
     assert said in found
 
 
-def test_bright_counts_are_not_cut_off() -> None:
-    """Edges in coherent light overshoot."""
-    assert 0.8 * 1.2 * CAMERA.gain < 1
+def test_the_first_row_s_setting_is_not_taken_from_another(
+    folder: Path, few: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its picture does not show the part."""
+    shown = tifffile.imread(few / "0000.tif")
+    tifffile.imwrite(few / "dark.tif", np.full_like(shown, shown.min()))
+    rows = ("dark.tif,0.06", "0000.tif,0.12", "0001.tif,0.25")
+    text = "\n".join(("file,condenser_aperture", *rows))
+    (few / "readings.csv").write_text(text, encoding="utf-8")
+    assert call(folder, few) == 2
+    assert "no picture of it is left" in capsys.readouterr().err
