@@ -151,7 +151,7 @@ def test_another_aperture_than_stated_is_in_the_deviations(
     (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
     pictures = write_condenser(folder / name, etched(), shots((0.3, 0.6)))
     holds(told(folder, pictures, name), (0.3, 0.6))
-    assert "calibrate optics.numerical_aperture" in capsys.readouterr().err
+    assert "optics.numerical_aperture" in capsys.readouterr().err
 
 
 @pytest.mark.slow
