@@ -64,6 +64,14 @@ def names(text: str) -> tuple[str, ...]:
     return found
 
 
+def faces(text: str) -> tuple[tuple[str, float], ...]:
+    """Return layers with a number each: LAYER:NUMBER between commas."""
+    found = [name.rpartition(":") for name in names(text)]
+    if not all(layer for layer, _, _ in found):
+        raise ValueError(text)
+    return tuple((layer, float(number)) for layer, _, number in found)
+
+
 def kinds(text: str) -> tuple[str, ...]:
     """Return kinds of changes, and "worse"."""
     found = tuple(text.split(","))

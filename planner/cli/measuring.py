@@ -76,7 +76,7 @@ def _task(call: argparse.Namespace, report: Report) -> Task | None:
 
         call.step = STEP
         return part_task(asked_for(PartCall, call), report)
-    for name in ("target", "height_um", "units", "layers", "cell", "polarity"):
+    for name in ("target", "height_um", "units", "layers", "faces", "cell", "polarity"):
         if getattr(call, name) is not None:
             option = name.replace("_", "-")
             raise CallError("MP903", f"--{option} is of --part: the task states it")

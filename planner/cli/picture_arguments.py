@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from microplan.planner.cli.argument_values import asked, depth, names
+from microplan.planner.cli.argument_values import asked, depth, faces, names
 from microplan.planner.measure.near import NEAR, parse_near
 from microplan.planner.task.presets import PRESETS
 
@@ -121,6 +121,13 @@ def _add_part(parser: argparse.ArgumentParser) -> None:
         type=asked(names, "layers of the drawing, as A,B"),
         metavar="A,B",
         help="that are the part's outline; default: the only one",
+    )
+    parser.add_argument(
+        "--faces",
+        type=asked(faces, "layers with their brightness, as PADS:0.4,DOT:1.1"),
+        metavar="A:RATIO,B:RATIO",
+        help="layers that lie on the part as faces of their own, and about how bright "
+        "each is against the part",
     )
     parser.add_argument("--cell", help="of a GDSII file; default: the only one")
     parser.add_argument(

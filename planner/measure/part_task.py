@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -52,6 +53,8 @@ class PartCall:
     height_um: float | None = None  # of the part; 0: flat
     units: str | None = None
     layers: tuple[str, ...] | None = None
+    # layers that lie on it as faces of their own: about their reflectance over its
+    faces: tuple[tuple[str, float], ...] | None = None
     cell: str | None = None
     polarity: Polarity | None = None  # of the part against its surroundings; bright
     magnification: float | None = None
@@ -182,6 +185,7 @@ def _data(call: PartCall, units: str, layers: Sequence[str]) -> dict[str, Any]:
         "reflectance": _DARK if call.polarity == "dark" else _BRIGHT,
         "origin": "outline",
     }
+    part["marks"] = _marks(call, part["reflectance"])
     target = PART
     if call.target is not None:
         part["features"] = {"target": _feature(call.target)}
@@ -202,6 +206,25 @@ def _data(call: PartCall, units: str, layers: Sequence[str]) -> dict[str, Any]:
                   PART: start},
         "steps": [{"id": STEP, "do": "locate", "target": target}],
     }  # fmt: skip
+
+
+def _marks(call: PartCall, own: float) -> dict[str, dict[str, Any]]:
+    """Return the faces on a part as its marks; `own` is the part's reflectance."""
+    found: dict[str, dict[str, Any]] = {}
+    for layer, ratio in call.faces or ():
+        if not 0 <= ratio <= 1 / own:
+            message = f"--faces {layer}: its ratio must be 0 to {1 / own:g}, is {ratio}"
+            raise CallError(CODE, message, call.part)
+        name = face_name(layer)
+        if name in found:
+            raise CallError(CODE, f"--faces has {layer} twice", call.part)
+        found[name] = {"layer": layer, "reflectance": own * ratio}
+    return found
+
+
+def face_name(layer: str) -> str:
+    """Return what the face on a layer is called in a task."""
+    return "face_" + re.sub(r"[^A-Za-z0-9]+", "_", layer)[:40]
 
 
 def _inside(path: Path, folder: Path) -> str:

@@ -24,6 +24,7 @@ from microplan.planner.calibration.estimates import (
 
 _VAGUE = 0.1  # of the light, from border to border: a standard deviation tells nothing
 _FLAT = 0.02  # of the longer side of the places' cloud: it is a line
+_ROUNDS = 2  # of faces' contrasts, whose first fit knows no change of light
 _METHOD = "brightness of the part over its place in the picture, places left out"
 _WHAT = "light gradient"
 _TAKE = "one part at six places or more, over all of the field, in the same light"
@@ -38,35 +39,63 @@ class PlacedGain:
     up: float  # shares of its height
     gain: float  # contrast of light over the image's
     level: float = 0.0  # light besides, of full scale: black level, another background
+    faces: tuple[float, ...] = ()  # as gain, of those on it: if as bright as the part
 
     def light_of(self, meant: float) -> float:
         """Return light, 1 at full scale, of a face that has so much in the image."""
         return self.gain * meant + self.level
 
+    def lights(self, around: float, part: float) -> FloatArray:
+        """Return light, 1 at full scale, of part, background, faces on it, (2 + F,).
+
+        Of a part and a background that have so much in the image.
+        """
+        dark = self.light_of(around)
+        on_it = [dark + gain * (part - around) for gain in self.faces]
+        return np.array([self.light_of(part), dark, *on_it])
+
 
 def part_gain(
     shown: FloatArray, meant: FloatArray, at_px: tuple[float, float], used: BoolArray
-) -> tuple[float, float] | None:
-    """Return contrast over that of an image at a part's place, and light besides.
+) -> FloatArray | None:
+    """Return light besides, and contrast over that of images at a part's place.
 
-    None if the picture shows none.
+    None if the picture shows none. All faces are in the same light, which changes over
+    the part.
 
     Parameters
     ----------
-    shown, meant : (rows, columns) float array
-        Light of the picture and of its image, 1 at full scale.
+    shown : (rows, columns) float array
+        Light of the picture, 1 at full scale.
+    meant : (F, rows, columns) float array
+        Images of the part's face and of each on it, see `face_images`.
     at_px : (column, row)
         The part's place.
     used : (rows, columns) bool array
         Pixels to use.
+
+    Returns
+    -------
+    (1 + F,) float array or None
+        Light besides, then contrasts.
     """
-    down, right = (np.asarray(each) for each in np.gradient(meant))
-    row, column = np.indices(meant.shape, dtype=np.float64)
-    x, y = column - at_px[0], row - at_px[1]
-    columns = (meant, np.ones_like(meant), x * meant, y * meant, x, y, right, down)
-    design = np.stack([np.asarray(each)[used] for each in columns], axis=1)
-    found = np.linalg.lstsq(design, shown[used], rcond=None)[0]
-    return (float(found[0]), float(found[1])) if found[0] > 0 else None
+    row, column = np.indices(shown.shape, dtype=np.float64)
+    x, y = np.asarray(column - at_px[0]), np.asarray(row - at_px[1])
+    steady = [np.ones_like(shown), *(np.asarray(each) for each in meant)]
+    found = _fitted(steady, shown, used)
+    for _ in range(_ROUNDS if len(meant) > 1 else 1):
+        whole = np.asarray(np.tensordot(found[1 : len(steady)], meant, axes=1))
+        down, right = (np.asarray(each) for each in np.gradient(whole))
+        found = _fitted([*steady, x * whole, y * whole, x, y, right, down], shown, used)
+    return found[: len(steady)] if found[1] > 0 else None
+
+
+def _fitted(
+    columns: Sequence[FloatArray], shown: FloatArray, used: BoolArray
+) -> FloatArray:
+    """Return the factors (N,) of N images whose sum is the light shown, both (R, C)."""
+    design = np.stack([each[used] for each in columns], axis=1)
+    return np.asarray(np.linalg.lstsq(design, shown[used], rcond=None)[0], np.float64)
 
 
 def light_gradient(groups: Sequence[Sequence[PlacedGain]]) -> VectorEstimate | Refused:

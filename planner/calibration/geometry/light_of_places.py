@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from microplan.optics.coherence.degree import Coherence
 from microplan.planner.calibration.calibrated_value import (
     CalibrationSeries,
+    PictureSource,
     single,
 )
-from microplan.planner.calibration.estimates import Refused
+from microplan.planner.calibration.estimates import BlockEstimate, Refused
 from microplan.planner.calibration.geometry.coherence_words import coherence_words
-from microplan.planner.calibration.geometry.face_ratio import ABSOLUTE, face_ratio
+from microplan.planner.calibration.geometry.face_ratio import ABSOLUTE, face_ratios
 from microplan.planner.calibration.geometry.light_field import (
     gradient_values,
     light_gradient,
@@ -53,14 +55,9 @@ def with_light(
         return None
     gains, case = gains_of(places.found), places.finder.first.region.case
     source = places.intake.source()
-    ratio = face_ratio(gains, case, has_black=stated.has_black)
-    if isinstance(ratio, Refused):
-        why = f"no {ratio.what}: {ratio.why}; photograph {ratio.take}"
-        series = replace(series, notes=(*series.notes, why))
-    else:
-        value = single("reflectance_background_over_part", ratio, source)
-        notes = (*series.notes, ABSOLUTE)
-        series = replace(series, values=(*series.values, value), notes=notes)
+    series = _with_ratios(
+        series, face_ratios(gains, case, has_black=stated.has_black), source
+    )
     offset = next((v for v in series.values if v.key == "edge_offset_um"), None)
     faces = case.moving[0].reflectance, case.background
     words = coherence_words(offset, faces, case.microscope, stated.coherence)
@@ -72,3 +69,22 @@ def with_light(
         return series
     values = tuple(gradient_values(found, source, stated.gradient))
     return replace(series, values=series.values + values)
+
+
+def _with_ratios(
+    series: CalibrationSeries,
+    ratios: Mapping[str, BlockEstimate | Refused],
+    source: PictureSource,
+) -> CalibrationSeries:
+    """Return a series with reflectances over the part's, or why there are none."""
+    values, notes = [], []
+    for name, ratio in ratios.items():
+        if isinstance(ratio, Refused):
+            why = f"no {ratio.what}: {ratio.why}; photograph {ratio.take}"
+            notes.append(why)
+        else:
+            values.append(single(f"reflectance_{name}_over_part", ratio, source))
+    said = (*notes, ABSOLUTE) if values else tuple(notes)
+    return replace(
+        series, values=(*series.values, *values), notes=(*series.notes, *said)
+    )

@@ -18,6 +18,7 @@ from microplan.planner.calibration.geometry.drawn_edges import (
     drawn_scale,
     lone_points,
 )
+from microplan.planner.calibration.geometry.face_images import face_images
 from microplan.planner.calibration.geometry.light_field import (
     PlacedGain,
     part_gain,
@@ -93,14 +94,17 @@ class PartPlaces:
         light = None
         if seen is not None:
             across, high = right / size[1], up / size[0]
-            light = PlacedGain(right=across, up=high, gain=seen[0], level=seen[1])
+            level, gain, *faces = seen.tolist()
+            light = PlacedGain(
+                right=across, up=high, gain=gain, level=level, faces=tuple(faces)
+            )
         return PartPlace(
             reading=row, right_px=right, up_px=up, drawn=drawn, light=light
         )
 
     def _drawn(
         self, row: PictureReading, measured: MeasuredPicture, size: tuple[int, int]
-    ) -> tuple[DrawnScale | None, tuple[float, float] | None]:
+    ) -> tuple[DrawnScale | None, FloatArray | None]:
         """Return how large the part looks and how bright, None if it is not told.
 
         Its misfit is kept.
@@ -119,7 +123,10 @@ class PartPlaces:
         drawn = drawn_scale(
             case, measured.shown, meant, measured.at_px, theta, self._lone
         )
-        return drawn, part_gain(measured.shown, meant, measured.at_px, used)
+        faces = meant[None]
+        if len(case.moving) > 1:
+            faces = face_images(case, x_um, y_um, turn)
+        return drawn, part_gain(measured.shown, faces, measured.at_px, used)
 
 
 def _cut_off(shown: FloatArray) -> BoolArray:

@@ -15,7 +15,7 @@ from microplan.planner.calibration.estimates import (
     Refused,
     VectorEstimate,
 )
-from microplan.planner.calibration.geometry.face_ratio import face_ratio
+from microplan.planner.calibration.geometry.face_ratio import face_ratios
 from microplan.planner.calibration.geometry.light_field import (
     PlacedGain,
     gradient_values,
@@ -99,9 +99,24 @@ def test_gain_is_that_at_the_parts_place() -> None:
     meant = np.asarray(0.1 + 0.7 * disc, dtype=np.float64)
     used = np.ones(meant.shape, dtype=np.bool_)
     light = 0.6 * (1 + 0.01 * (column - 25) - 0.005 * (row - 18))
-    found = part_gain(light * meant + 0.03, meant, (25.0, 18.0), used)
-    assert found == pytest.approx((0.6, 0.03))
-    assert part_gain(-meant, meant, (25.0, 18.0), used) is None
+    found = part_gain(light * meant + 0.03, meant[None], (25.0, 18.0), used)
+    assert found == pytest.approx((0.03, 0.6))
+    assert part_gain(-meant, meant[None], (25.0, 18.0), used) is None
+
+
+def test_faces_on_a_part_are_told_in_light_that_changes_over_it() -> None:
+    row, column = np.indices((40, 60), dtype=np.float64)
+    whole = np.hypot(row - 18, column - 25) < 14
+    pad = (abs(row - 18) < 6) & (abs(column - 31) < 4)
+    own = np.asarray(0.1 + 0.7 * (whole & ~pad), dtype=np.float64)
+    meant = np.stack([own, 0.7 * pad])
+    used = np.ones(own.shape, dtype=np.bool_)
+    light = 1 + 0.01 * (column - 25) - 0.005 * (row - 18)
+    shown = light * (0.6 * own + 0.2 * meant[1]) + 0.03
+    found = part_gain(shown, meant, (25.0, 18.0), used)
+    assert found == pytest.approx((0.03, 0.6, 0.2), abs=1e-4)  # converged that far
+    one = PlacedGain(right=0.0, up=0.0, gain=0.6, level=0.03, faces=(0.2,))
+    assert one.lights(0.1, 0.8) == pytest.approx((0.51, 0.09, 0.23))
 
 
 def test_a_background_in_the_parts_shade_tells_no_ratio() -> None:
@@ -112,7 +127,7 @@ def test_a_background_in_the_parts_shade_tells_no_ratio() -> None:
     case = make_case("circle", {"radius_um": 12.0}, (layer,))
     case = replace(case, background=0.2, lamp_aperture=None)
     one = PlacedGain(right=0.0, up=0.0, gain=0.5, level=0.0)
-    found = face_ratio([[one]], case, has_black=True)
+    (found,) = face_ratios([[one]], case, has_black=True).values()
     assert isinstance(found, BlockEstimate)
     assert found.value == pytest.approx(0.25)
     narrow = replace(case.microscope, lamp_aperture=case.microscope.aperture / 2)
@@ -120,6 +135,6 @@ def test_a_background_in_the_parts_shade_tells_no_ratio() -> None:
         replace(case, lamp_aperture=0.1, background_z_um=-50.0),
         replace(case, microscope=narrow),
     ):
-        refused = face_ratio([[one]], dark, has_black=True)
+        (refused,) = face_ratios([[one]], dark, has_black=True).values()
         assert isinstance(refused, Refused)
         assert "not of one brightness" in refused.why
