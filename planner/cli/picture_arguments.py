@@ -124,10 +124,9 @@ def _add_part(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--faces",
-        type=asked(faces, "layers with their brightness, as PADS:0.4,DOT:1.1"),
-        metavar="A:RATIO,B:RATIO",
-        help="layers that lie on the part as faces of their own, and about how bright "
-        "each is against the part",
+        type=asked(faces, "layers and ratios, as PADS:0.4,DOT:1.1"),
+        metavar="A:RATIO,...",
+        help="faces on the part: layers, reflectances over its",
     )
     parser.add_argument("--cell", help="of a GDSII file; default: the only one")
     parser.add_argument(

@@ -108,15 +108,16 @@ def test_faces_on_a_part_are_told_in_light_that_changes_over_it() -> None:
     row, column = np.indices((40, 60), dtype=np.float64)
     whole = np.hypot(row - 18, column - 25) < 14
     pad = (abs(row - 18) < 6) & (abs(column - 31) < 4)
-    own = np.asarray(0.1 + 0.7 * (whole & ~pad), dtype=np.float64)
-    meant = np.stack([own, 0.7 * pad])
+    dot = np.hypot(row - 18, column - 20) < 5
+    own = np.asarray(0.1 + 0.7 * (whole & ~pad & ~dot), dtype=np.float64)
+    meant = np.stack([own, 0.7 * pad, 0.7 * dot])
     used = np.ones(own.shape, dtype=np.bool_)
     light = 1 + 0.01 * (column - 25) - 0.005 * (row - 18)
-    shown = light * (0.6 * own + 0.2 * meant[1]) + 0.03
+    shown = light * (0.6 * own + 0.2 * meant[1] + 0.8 * meant[2]) + 0.03
     found = part_gain(shown, meant, (25.0, 18.0), used)
-    assert found == pytest.approx((0.03, 0.6, 0.2), abs=1e-4)  # converged that far
-    one = PlacedGain(right=0.0, up=0.0, gain=0.6, level=0.03, faces=(0.2,))
-    assert one.lights(0.1, 0.8) == pytest.approx((0.51, 0.09, 0.23))
+    assert found == pytest.approx((0.03, 0.6, 0.2, 0.8), abs=1e-4)  # converged that far
+    one = PlacedGain(right=0.0, up=0.0, gain=0.6, level=0.03, faces=(0.2, 0.8))
+    assert one.lights(0.1, 0.8) == pytest.approx((0.51, 0.09, 0.23, 0.65))
 
 
 def test_a_background_in_the_parts_shade_tells_no_ratio() -> None:
