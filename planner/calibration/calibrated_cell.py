@@ -184,6 +184,7 @@ def _field_cell(cell: Checked) -> FieldCell:
     raw, said = with_defaults(cell.source.data, "workcell"), stated_numbers(cell)
     return FieldCell(
         response=read_camera(raw["camera"]).response,
+        has_response=cell.source.get("camera", "response") is not None,
         has_black="black_level" in said,
         white=said.get("white_level"),
         gradient=_number(cell, *WHERE),

@@ -29,9 +29,16 @@ class FieldCell:
     """What a workcell states of camera and light."""
 
     response: Response | None  # None: straight, from 0 to full scale
+    has_response: bool  # or it is only taken to be straight
     has_black: bool  # the camera's counts without light
     white: float | None  # count of saturation; None: full scale
     gradient: float | None
+
+    @property
+    def lacks(self) -> str:
+        """Return which keys that make light of counts are not stated, "" if all are."""
+        said = {"response": self.has_response, "black_level": self.has_black}
+        return " and ".join(f"no camera.{key}" for key, has in said.items() if not has)
 
 
 def even_field(
@@ -49,8 +56,9 @@ def even_field(
         By the workcell.
     """
     where, report = Span(file=str(readings.file)), intake.report
-    if not stated.has_black:
-        message = f"no {WHAT}: the workcell states no black_level, which looks alike"
+    if stated.lacks:
+        message = f"no {WHAT}: the workcell states {stated.lacks}: counts that are not "
+        message += "proportional to light look like another gradient"
         hint = "photograph one scene in several lights first"
         report.error(CODE, where, message, hint)
         return None

@@ -16,6 +16,7 @@ from validation.twins.camera import Camera, exposed, graded
 
 CAMERA = Camera(full_well=20_000.0, read_noise=1.0, black=12.0, gamma=0.7)
 LIGHT = graded(np.full(SIZE, 0.5), 0.12, -0.05)
+STATED = "black_level: 12, response: 0.7"
 
 
 def series(
@@ -32,7 +33,7 @@ def series(
     return folder
 
 
-def station(tmp_path: Path, lines: str = "black_level: 12, response: 0.7") -> Path:
+def station(tmp_path: Path, lines: str = STATED) -> Path:
     """Return a workcell whose camera states how counts follow the light."""
     cell = cell_of(tmp_path / "task")
     text = cell.read_text(encoding="utf-8")
@@ -61,11 +62,13 @@ def test_an_even_field_gives_the_workcell_its_gradient(
 @pytest.mark.parametrize(
     ("lights", "lines", "said"),
     [
-        ([LIGHT * 2.2], "black_level: 12", "MP904"),
-        ([LIGHT * 2.2], "black_level: 12", "0.png is saturated"),
-        ([LIGHT * 0.02], "black_level: 12", "of full scale, less than 5%"),
-        ([LIGHT], "", "the workcell states no black_level"),
-        ([LIGHT + 0.2 * (np.indices(SIZE)[1] > 60)], "black_level: 12", "something"),
+        ([LIGHT * 2.2], STATED, "MP904"),
+        ([LIGHT * 2.2], STATED, "0.png is saturated"),
+        ([LIGHT * 0.02], STATED, "of full scale, less than 5%"),
+        ([LIGHT], "", "states no camera.response and no camera.black_level: counts"),
+        ([LIGHT], "response: 0.7", "the workcell states no camera.black_level: counts"),
+        ([LIGHT], "black_level: 12", "the workcell states no camera.response: counts"),
+        ([LIGHT + 0.2 * (np.indices(SIZE)[1] > 60)], STATED, "something"),
     ],
 )
 def test_pictures_that_tell_no_gradient_are_findings(
