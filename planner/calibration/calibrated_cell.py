@@ -182,12 +182,14 @@ def _stated_lens(cell: Checked) -> StatedLens:
 def _field_cell(cell: Checked) -> FieldCell:
     """Return what a workcell states of camera and light."""
     raw, said = with_defaults(cell.source.data, "workcell"), stated_numbers(cell)
+    camera = read_camera(raw["camera"])
     return FieldCell(
-        response=read_camera(raw["camera"]).response,
+        response=camera.response,
         has_response=cell.source.get("camera", "response") is not None,
         has_black="black_level" in said,
         white=said.get("white_level"),
         gradient=_number(cell, *WHERE),
+        size_px=(camera.height_px, camera.width_px),
     )
 
 

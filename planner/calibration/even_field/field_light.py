@@ -54,7 +54,7 @@ class _Tile:
     squares: float  # sum of squares by which they differ
 
 
-def field_light(light: FloatArray) -> FieldLight | Refused:
+def field_light(light: FloatArray, *, rounding: float = 0.0) -> FieldLight | Refused:
     """Return how light changes over a field, or why a picture does not tell it.
 
     Specks of dust are left out with the cells around them.
@@ -63,6 +63,8 @@ def field_light(light: FloatArray) -> FieldLight | Refused:
     ----------
     light : (rows, columns) float array
         Mean of all pictures, 1 at full scale, in proportion to the light.
+    rounding : float
+        Deviation of the light at one place by whole counts, over the light.
     """
     side = max(min(light.shape) // _ACROSS, 1)
     cells = _cells(light, side)
@@ -87,10 +89,11 @@ def field_light(light: FloatArray) -> FieldLight | Refused:
         return _refused("parts of the field contradict each other")
     return FieldLight(
         gradient=VectorEstimate(
-            values=found.values[:2], covariance=found.covariance[:2, :2],
+            values=found.values[:2],
+            covariance=found.covariance[:2, :2] + 2 * rounding**2 * np.eye(2),
             method=_METHOD, blocks=found.blocks,
         ),
-        departure=_root(found.one(2)),
+        departure=_root(found.one(2), rounding),
         dust=1 - float(clean.mean()),
     )  # fmt: skip
 
@@ -208,13 +211,14 @@ def _plane(tiles: Sequence[_Tile]) -> FloatArray:
     return np.array([x / level, y / level, square / level**2])
 
 
-def _root(square: BlockEstimate) -> BlockEstimate:
+def _root(square: BlockEstimate, rounding: float) -> BlockEstimate:
     """Return the root of an estimate that chance may bring below 0."""
     sigma, root = square.sigma or 0.0, math.sqrt(max(square.value, 0.0))
     chance = math.sqrt(sigma)
+    known = min(sigma / (2 * root), chance) if root > 0 else chance
     return BlockEstimate(
         value=root,
-        sigma=min(sigma / (2 * root), chance) if root > 0 else chance,
+        sigma=math.hypot(known, rounding),
         method=square.method,
         blocks=square.blocks,
     )

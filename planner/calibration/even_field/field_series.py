@@ -16,12 +16,18 @@ from microplan.planner.calibration.even_field.field_light import (
     FieldLight,
     field_light,
 )
+from microplan.planner.calibration.even_field.field_pictures import (
+    FieldPictures,
+    rounding_sigma,
+)
 from microplan.planner.calibration.geometry.light_field import gradient_values
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
+from microplan.planner.measure.picture_files import PictureCounts
 from microplan.planner.source.diagnostics import Span
 
 _CUT = 0.001  # share of counts at full scale that a few odd pixels have
+_ALL_OF_IT = "photograph with all of the camera, or mend camera.pixels in the workcell"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +39,7 @@ class FieldCell:
     has_black: bool  # the camera's counts without light
     white: float | None  # count of saturation; None: full scale
     gradient: float | None
+    size_px: tuple[int, int]  # (rows, columns) of the camera
 
     @property
     def lacks(self) -> str:
@@ -62,10 +69,10 @@ def even_field(
         hint = "photograph one scene in several lights first"
         report.error(CODE, where, message, hint)
         return None
-    light = _mean_light(readings, intake, stated)
-    if light is None:
+    pictures = _added(readings, intake, stated)
+    if pictures is None or pictures.mean is None:
         return None
-    found = field_light(light)
+    found = field_light(pictures.mean, rounding=pictures.rounding)
     if isinstance(found, Refused):
         message = f"no {found.what}: {found.why}"
         report.error(CODE, where, message, f"photograph {found.take}")
@@ -73,32 +80,53 @@ def even_field(
     return _series(found, intake, stated.gradient)
 
 
-def _mean_light(
+def _added(
     readings: PictureReadings, intake: PictureIntake, stated: FieldCell
-) -> FloatArray | None:
-    """Return the mean light of all pictures, (rows, columns) 0..1, None if in doubt."""
-    total: FloatArray | None = None
+) -> FieldPictures | None:
+    """Return the light of all pictures, None if in doubt."""
+    pictures = FieldPictures()
     highest, where = 0.0, Span(file=str(readings.file))
     for _, page in readings_of_pages(readings, intake):
+        at = Span(file=str(page.path))
+        if page.counts.shape != stated.size_px:
+            message = _other_size(page, stated.size_px)
+            intake.report.error(CODE, at, message, _ALL_OF_IT)
+            return None
         white = float(intake.top) if stated.white is None else stated.white
         cut = float(np.mean(page.counts >= white))
         if cut > _CUT:
             message = f"{page.name} is saturated: {cut:.1%} of it counts {white:g}"
-            at = Span(file=str(page.path))
             intake.report.error(CODE, at, message, f"expose less: photograph {TAKE}")
         highest = max(highest, float(page.counts.max()))
         light = _light(page.counts, intake.top, stated.response)
-        total = light if total is None else total + light
-    if total is None and not intake.report.failed:
+        off = pictures.add(light, _rounding(page.counts, intake.top, stated.response))
+        if off and not intake.report.failed:
+            message = f"{page.name} contradicts the first picture: {off}"
+            intake.report.error(CODE, at, message, f"photograph {TAKE}, in one light")
+    if not pictures.taken and not intake.report.failed:
         intake.report.error(CODE, where, "no picture of the table can be used")
-    if total is None or intake.report.failed or not intake.fits(highest, where):
+    if intake.report.failed or not intake.fits(highest, where):
         return None
-    return np.asarray(total / intake.taken)
+    return pictures
+
+
+def _other_size(page: PictureCounts, size_px: tuple[int, int]) -> str:
+    """Return in words that a picture has another size than (rows, columns)."""
+    (rows, columns), (high, wide) = page.counts.shape, size_px
+    words = f"{page.name} is {columns} x {rows} px"
+    return f"{words}, the workcell's camera has {wide} x {high}"
 
 
 def _light(counts: FloatArray, top: int, response: Response | None) -> FloatArray:
     """Return light, 1 at full scale, of counts (rows, columns)."""
     return counts / top if response is None else response.share_of(counts)
+
+
+def _rounding(counts: FloatArray, top: int, response: Response | None) -> float:
+    """Return what rounding does to the mean of counts (rows, columns), over light."""
+    middle = np.median(counts) + np.array([-0.5, 0.0, 0.5])
+    below, level, above = _light(middle, top, response).tolist()
+    return rounding_sigma(counts) * (above - below) / level if level > 0 else 0.0
 
 
 def _series(

@@ -16,6 +16,7 @@ from validation.twins.camera import Camera, exposed, graded
 
 CAMERA = Camera(full_well=20_000.0, read_noise=1.0, black=12.0, gamma=0.7)
 LIGHT = graded(np.full(SIZE, 0.5), 0.12, -0.05)
+OTHER = graded(np.full(SIZE, 0.5), -0.12, 0.05)
 STATED = "black_level: 12, response: 0.7"
 
 
@@ -68,6 +69,12 @@ def test_an_even_field_gives_the_workcell_its_gradient(
         ([LIGHT], "", "states no camera.response and no camera.black_level: counts"),
         ([LIGHT], "response: 0.7", "the workcell states no camera.black_level: counts"),
         ([LIGHT], "black_level: 12", "the workcell states no camera.response: counts"),
+        ([LIGHT, OTHER], STATED, "1.png contradicts the first picture: its gradient"),
+        (
+            [LIGHT[:, :100]],
+            STATED,
+            "is 100 x 96 px, the workcell's camera has 128",
+        ),
         ([LIGHT + 0.2 * (np.indices(SIZE)[1] > 60)], STATED, "something"),
     ],
 )
@@ -80,6 +87,22 @@ def test_pictures_that_tell_no_gradient_are_findings(
     shown = capsys.readouterr().err
     assert said in shown
     assert "photograph" in shown
+
+
+def test_counts_that_are_all_alike_tell_no_more_than_their_step(
+    tmp_path: Path,
+) -> None:
+    """Of a gamma of .7 a count of 88 is a share of 1 / (.7 88) of the light."""
+    cell, out = station(tmp_path), tmp_path / "task" / "new.yaml"
+    pictures = series(tmp_path / "p", [LIGHT])
+    save(pictures / "0.png", np.full(SIZE, 100, dtype=np.uint8))
+    call = ["calibrate", str(pictures), "--workcell", str(cell), "-o", str(out)]
+    assert main(call) == 0
+    how = yaml.safe_load(out.read_text(encoding="utf-8"))["calibrated"]
+    at_a_border = 1 / (0.7 * 88) / 12**0.5
+    for key, borders in {"light_gradient_x": 2, "light_departure_rms": 1}.items():
+        sigma = how[key]["standard_deviation"]
+        assert sigma == pytest.approx(borders**0.5 * at_a_border, rel=0.02)
 
 
 @pytest.mark.parametrize(
