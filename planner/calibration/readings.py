@@ -27,6 +27,8 @@ _MOST_UM, _MOST_LIGHT = 1e6, 1e12  # of readings: beyond they are in another uni
 _MOST_APERTURE = 2.0  # the medium's index at most
 _MOST_SHOWN = 200  # characters of a line
 _MOST_BYTES = 1 << 24  # of a table: some 300 000 pictures
+_EACH = "a cell for each column"
+_DIGITS = "digits, with a point and a sign at most"
 _PAGE = "a picture of a file of several is named FILE[NUMBER], counted from 0"
 
 EVEN = "even"  # scene: nothing is in the field
@@ -168,9 +170,9 @@ def _rows(
         if not line.strip():
             continue
         cells = cells_of(line)
-        row = cells if isinstance(cells, str) else _row(names, cells)
-        if isinstance(row, str):
-            _wrong(file, report, row, "a cell for each column", number, line)
+        row = (cells, _EACH) if isinstance(cells, str) else _row(names, cells)
+        if isinstance(row, tuple):
+            _wrong(file, report, *row, number, line)
         elif row.name in seen:
             message = f"{row.name} is in line {seen[row.name]} already"
             _wrong(file, report, message, _PAGE, number, line)
@@ -179,26 +181,32 @@ def _rows(
             yield row
 
 
-def _row(names: Sequence[str], cells: Sequence[str]) -> PictureReading | str:
-    """Return a row, or why it is none."""
+def _row(
+    names: Sequence[str], cells: Sequence[str]
+) -> PictureReading | tuple[str, str]:
+    """Return a row, or why it is none and what is one."""
     if len(cells) != len(names):
-        return f"{len(cells)} cells, the head has {len(names)}"
+        return f"{len(cells)} cells, the head has {len(names)}", _EACH
     said = dict(zip(names, cells, strict=True))
     name = said["file"]
     if not name or name != Path(name).name:
-        return f"{name!r} names no picture of this folder"
+        return f"{name!r} names no picture of this folder", "no path, a name alone"
     values: dict[str, float] = {}
     for each in _NUMBERS:
         if each in said:
             try:
                 values[each] = number_of(said[each])
             except ValueError:
-                return f"{each} of {name} is no number: {said[each][:_MOST_SHOWN]!r}"
+                shown = said[each][:_MOST_SHOWN]
+                return f"{each} of {name} is no number: {shown!r}", _DIGITS
+    group, scene = said.get("group", ""), said.get("scene", "")
+    if scene not in ("", EVEN):
+        shown = scene[:_MOST_SHOWN]
+        return f"{name}: scene is {shown!r}", f"write {EVEN}, or leave the cell empty"
     try:
-        group, scene = said.get("group", ""), said.get("scene", "")
         return PictureReading(name=name, group=group, scene=scene, **values)
     except ValueError as error:
-        return f"{name}: {error}"
+        return f"{name}: {error}", "mend the number, and look at its unit"
 
 
 def series_kind(
@@ -206,10 +214,11 @@ def series_kind(
 ) -> SeriesKind | None:
     """Return what was changed in a series; None, and MP905, if several things were.
 
-    Stage readings and groups are places of the part where the condenser is stated.
+    Stage readings and groups are places of the part where the condenser changes.
     """
     found: list[SeriesKind] = []
-    if any(row.condenser_aperture is not None for row in rows):
+    apertures = {row.condenser_aperture for row in rows}
+    if len(apertures) > 1:
         found.append("condenser")
     if len({row.light for row in rows}) > 1:
         found.append("light")
@@ -224,6 +233,10 @@ def series_kind(
         message = f"{' and '.join(found)} change from row to row"
         hint = "change one at a time, each series in a folder of its own"
         _wrong(file, report, message, hint)
+        return None
+    if not found and apertures != {None} and len({row.group for row in rows}) == 1:
+        message = "condenser_aperture does not change"
+        _wrong(file, report, message, "take two settings, or leave the column out")
         return None
     return found[0] if found else "still"
 

@@ -59,6 +59,25 @@ def test_a_part_may_be_at_several_places_under_a_condenser(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
+    ("head", "first", "second", "kind"),
+    [
+        ("z_um", "1", "2", "focus"),
+        ("x_um", "1", "2", "stage"),
+        ("light", "1", "2", "light"),
+        ("group", "a", "b", "still"),
+        ("scene", "even", "even", "field"),
+    ],
+)
+def test_a_condenser_that_stays_is_no_change(
+    tmp_path: Path, head: str, first: str, second: str, kind: str
+) -> None:
+    rows = f"a.png,.2,{first}\nb.png,.2,{second}\n"
+    found = read(table(tmp_path, f"file,condenser_aperture,{head}\n{rows}"))
+    assert found.kind == kind
+    assert {row.condenser_aperture for row in found.rows} == {0.2}
+
+
+@pytest.mark.parametrize(
     ("text", "said", "hint"),
     [
         ("", "has no column 'file'", "columns: file, group"),
@@ -67,7 +86,7 @@ def test_a_part_may_be_at_several_places_under_a_condenser(tmp_path: Path) -> No
         ("x_um\n1\n2\n", "has no column 'file'", "columns"),
         ("file,z_um,focus_um\na.png,1,1\n", "'focus_um' states again", "once"),
         ("file,x_um\n", "the table has no rows", "each picture"),
-        ("file,x_um\na.png\n", "1 cells, the head has 2", "each column"),
+        ("file,x_um\na.png\n", "1 cells, the head has 2", "a cell for each"),
         ("file,x_um\na.png,one\n", "is no number: 'one'", ""),
         ("file,x_um\na.png,1_0\n", "is no number: '1_0'", ""),
         ("file,x_um\na.png,\u0663\n", "is no number", ""),
@@ -80,10 +99,22 @@ def test_a_part_may_be_at_several_places_under_a_condenser(tmp_path: Path) -> No
         ("file,light\na.png,-1\n", "light must be 0 or more", ""),
         ("file,condenser_aperture\na.png,0\nb.png,.2\n", "must be above 0, and", ""),
         ("file,condenser_aperture\na.png,30\nb.png,.2\n", "at most 2, got 30", ""),
+        ("file,condenser_aperture\na.png,-1\nb.png,.2\n", "got -1", "look at its unit"),
+        ("file,condenser_aperture\na.png,nan\nb.png,.2\n", "be finite", "the number"),
+        (
+            "file,scene\na.png,evne\nb.png,even\n",
+            "a.png: scene is 'evne'",
+            "write even",
+        ),
         (
             "file,condenser_aperture,z_um\na.png,.1,1\nb.png,.2,2\n",
             "condenser and focus change",
             "one at a time",
+        ),
+        (
+            "file,condenser_aperture\na.png,.1\nb.png,.1\n",
+            "condenser_aperture does not change",
+            "two settings",
         ),
         ("file,x_um\n../a.png,1\n", "names no picture of this folder", ""),
         ("file,x_um\na.png,1\na.png,2\n", "a.png is in line 2 already", "FILE[NUMBER]"),
