@@ -22,6 +22,7 @@ _TILES = 6  # along each side: the blocks of the jackknife
 _FEWEST = 18  # cells along a side: three a tile
 _DARK = 0.05  # of full scale: black level and rounding would be seen
 _DEGREE = 4  # of the surface that light without structure follows, vignetting too
+_SHAPES = 6  # fitted to flat light: level, plane, curves
 _ROUNDS, _TRIM = 4, 4.0  # in which cells so many deviations off are left out of it
 _ODD, _FAINT = 6.0, 0.01  # deviations, and share of light, of cells with something
 _MOST_ODD, _LARGEST = 0.05, 0.02  # of the field; more, or more in one piece: no dust
@@ -49,7 +50,8 @@ class FieldLight:
 class _Tile:
     """Sums of one part of the field."""
 
-    sums: FloatArray  # (4, 4) of 1, right, up, light, by pairs
+    # (8, 8) of 1, right, up, three of `_curved`, flat light, light, by pairs
+    sums: FloatArray
     pairs: int  # of neighbours
     squares: float  # sum of squares by which they differ
 
@@ -83,19 +85,16 @@ def field_light(light: FloatArray, *, rounding: float = 0.0) -> FieldLight | Ref
     if why:
         return _refused(why)
     clean = ~ndimage.binary_dilation(odd, np.ones((3, 3), dtype=np.bool_))
-    blocks = _tiles(np.stack([right, up, cells / level, off], axis=-1), clean)
+    flat = _flattened(cells / level, off, right, up)
+    blocks = _tiles(np.stack([right, up, flat, cells / level, off], axis=-1), clean)
     found = jackknife_vector(_plane, blocks, method=_METHOD)
     if found.covariance is None or np.trace(found.covariance[:2, :2]) > 2 * _VAGUE**2:
         return _refused("parts of the field contradict each other")
     return FieldLight(
-        gradient=VectorEstimate(
-            values=found.values[:2],
-            covariance=found.covariance[:2, :2] + 2 * rounding**2 * np.eye(2),
-            method=_METHOD, blocks=found.blocks,
-        ),
+        gradient=_gradient(found, rounding),
         departure=_root(found.one(2), rounding),
         dust=1 - float(clean.mean()),
-    )  # fmt: skip
+    )
 
 
 def _refused(why: str) -> Refused:
@@ -138,6 +137,16 @@ def _off_surface(
     return found, _NORMAL * float(np.median(np.abs(steps))) / math.sqrt(2)
 
 
+def _flattened(
+    cells: FloatArray, off: FloatArray, right: FloatArray, up: FloatArray
+) -> FloatArray:
+    """Return light (rows, columns) less what of its smooth surface is no plane."""
+    smooth = (cells - off).ravel()
+    design = np.stack([np.ones(smooth.size), right.ravel(), up.ravel()], axis=1)
+    plane = design @ np.linalg.lstsq(design, smooth, rcond=None)[0]
+    return np.asarray(plane.reshape(off.shape) + off)
+
+
 def _odd(off: FloatArray, sigma: float) -> BoolArray:
     """Return the cells (rows, columns) that show something, alone or by threes."""
     alone = np.abs(off) > max(_ODD * sigma, _FAINT)
@@ -164,8 +173,8 @@ def _tiles(columns: FloatArray, clean: BoolArray) -> list[_Tile]:
 
     Parameters
     ----------
-    columns : (rows, columns, 4) float array
-        Cells' places right and up, light, and what is off the smooth surface.
+    columns : (rows, columns, 5) float array
+        Cells' places right and up, flat light, light, what is off the smooth surface.
     clean : (rows, columns) bool array
         Cells to use.
     """
@@ -180,9 +189,10 @@ def _tiles(columns: FloatArray, clean: BoolArray) -> list[_Tile]:
 
 def _tile(columns: FloatArray, clean: BoolArray) -> _Tile:
     """Return the sums of one part, as `_tiles` has its cells."""
-    seen = columns[clean][:, :3]
-    rows = np.column_stack([np.ones(len(seen)), seen])
-    off, pairs, squares = columns[..., 3], 0, 0.0
+    right, up, *lights = columns[clean][:, :4].T
+    shapes = [np.ones(len(right)), right, up, *_curved(right, up)]
+    rows = np.column_stack([*shapes, *lights])
+    off, pairs, squares = columns[..., 4], 0, 0.0
     for axis in (0, 1):
         both = np.minimum(
             *(np.take(clean, k, axis) for k in _neighbours(clean.shape[axis]))
@@ -190,6 +200,11 @@ def _tile(columns: FloatArray, clean: BoolArray) -> _Tile:
         pairs += int(both.sum())
         squares += float(np.sum(np.diff(off, axis=axis)[both] ** 2))
     return _Tile(sums=rows.T @ rows, pairs=pairs, squares=squares)
+
+
+def _curved(right: FloatArray, up: FloatArray) -> tuple[FloatArray, ...]:
+    """Return three shapes (N,) of curved light, of mean 0 over the field."""
+    return right**2 - 1 / 12, right * up, up**2 - 1 / 12
 
 
 def _neighbours(count: int) -> tuple[IntArray, IntArray]:
@@ -200,15 +215,36 @@ def _neighbours(count: int) -> tuple[IntArray, IntArray]:
 def _plane(tiles: Sequence[_Tile]) -> FloatArray:
     """Return change to the right, up, and the square of what is left, (3,) [1].
 
-    Without the noise of cells: half of the square by which neighbours differ.
+    The change is that of flat light; curves are fitted beside it, for what chance has
+    of them is taken off with the surface. What is left is of light itself, without the
+    noise of cells: half of the square by which neighbours differ.
     """
     sums = np.sum([tile.sums for tile in tiles], axis=0)
-    level, x, y = np.linalg.solve(sums[:3, :3], sums[:3, 3])
-    left = sums[3, 3] - np.array([level, x, y]) @ sums[:3, 3]
+    some = slice(_SHAPES)
+    level, x, y = np.linalg.solve(sums[some, some], sums[some, 6])[:3]
+    plane = np.linalg.solve(sums[:3, :3], sums[:3, 7])
+    left = sums[7, 7] - plane @ sums[:3, 7]
     pairs = max(sum(tile.pairs for tile in tiles), 1)
     noise = sum(tile.squares for tile in tiles) / pairs / 2
     square = left / (sums[0, 0] - 3) - noise
     return np.array([x / level, y / level, square / level**2])
+
+
+def _gradient(found: VectorEstimate, rounding: float) -> VectorEstimate:
+    """Return the change of light, (2,), of an estimate that begins with it.
+
+    The surface has more numbers than the `_SHAPES` that the jackknife knows of, and has
+    taken their chance away: variances grow by the ratio of what is free.
+    """
+    surface = (_DEGREE + 1) * (_DEGREE + 2) // 2
+    free = (found.blocks - _SHAPES) / max(found.blocks - surface, 1)
+    chance = np.zeros((2, 2)) if found.covariance is None else found.covariance[:2, :2]
+    return VectorEstimate(
+        values=found.values[:2],
+        covariance=chance * free + 2 * rounding**2 * np.eye(2),
+        method=found.method,
+        blocks=found.blocks,
+    )
 
 
 def _root(square: BlockEstimate, rounding: float) -> BlockEstimate:

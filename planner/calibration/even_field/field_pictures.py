@@ -97,7 +97,10 @@ def _plane(blocks: Sequence[FloatArray]) -> FloatArray:
 
 
 def _tile_means(light: FloatArray) -> FloatArray:
-    """Return the means of parts (_TILES, _TILES) of light, over the mean of all."""
+    """Return the means of parts (_TILES, _TILES) of light, over the mean of all.
+
+    0 of a picture without light, which `field_light` refuses.
+    """
     rows, columns = (
         np.linspace(0, size, _TILES, endpoint=False).astype(np.intp)
         for size in light.shape
@@ -107,7 +110,8 @@ def _tile_means(light: FloatArray) -> FloatArray:
         np.diff([*at, n]) for at, n in zip((rows, columns), light.shape, strict=True)
     )
     means = sums / np.outer(*lines)
-    return np.asarray(means / max(float(means.mean()), np.finfo(float).tiny))
+    level = float(means.mean())
+    return np.asarray(means / level) if level > 0 else np.zeros_like(means)
 
 
 def _contradiction(change: VectorEstimate, rounding: float) -> str:

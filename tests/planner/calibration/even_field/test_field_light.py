@@ -70,6 +70,31 @@ def test_what_no_plane_explains_is_left_over() -> None:
         assert abs(one.value - plane[k + 1] / plane[0]) < 4 * one.sigma
 
 
+@pytest.mark.parametrize("share", [0.15, 0.25])
+def test_vignetting_moves_no_gradient(share: float) -> None:
+    """It is in what is left: of 80 pulls the mean square is near 1."""
+    right, up = (field(*a) - 0.5 for a in ((4.0, 0.0), (0.0, 4.0)))  # -1 to 1
+    dim = 1 - share * (right**2 + up**2)
+    mean = float(dim.mean())
+    light = field() * dim / mean
+    design = np.stack([np.ones(light.size), right.ravel(), up.ravel()], axis=1)
+    plane, left, *_ = np.linalg.lstsq(design, light.ravel(), rcond=None)
+    true = 2 * plane[1:] / plane[0]
+    pulls, source = [], PictureSource(pictures=1, sha256="0")
+    for seed in range(40):
+        found = told(shown(light, seed))
+        for k in (0, 1):
+            one = found.gradient.one(k)
+            assert one.sigma
+            assert one.sigma < 0.001
+            pulls.append((one.value - true[k]) / one.sigma)
+        size = next(gradient_values(found.gradient, source, None))
+        assert size.value == pytest.approx(np.hypot(*true), abs=0.005)
+        rms = float(np.sqrt(left[0] / light.size) / plane[0])
+        assert found.departure.value == pytest.approx(rms, rel=0.05)
+    assert 0.5 < np.mean(np.square(pulls)) < 1.5
+
+
 def test_a_plane_leaves_nothing_over() -> None:
     """Noise of the cells is taken off; half of its squares are below 0."""
     found = [told(shown(field(), seed)).departure for seed in range(20)]

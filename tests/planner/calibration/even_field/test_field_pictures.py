@@ -34,6 +34,12 @@ def test_another_gradient_contradicts(across: float, up: float, way: str) -> Non
     assert not pictures.add(shown(field(0.125, -0.045), 1), 0.0)
 
 
+def test_pictures_without_light_contradict_nothing() -> None:
+    pictures = FieldPictures()
+    dark = shown(field() * 0) - 0.01
+    assert not any(pictures.add(dark - 0.001 * k, 0.0) for k in range(3))
+
+
 def test_planes_come_out_within_their_deviations() -> None:
     """Of 200 pulls by 36 numbers, 6 of them fitted, the mean square is near 1."""
     rng, pulls = np.random.default_rng(0), []
