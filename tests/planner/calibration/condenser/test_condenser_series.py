@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from tests.planner.calibration.coherent_twin import (
+    CAMERA,
     CondenserRig,
     CondenserShot,
     write_condenser,
@@ -216,3 +218,12 @@ def test_the_first_row_s_setting_is_not_taken_from_another(
     (few / "readings.csv").write_text(text, encoding="utf-8")
     assert call(folder, few) == 2
     assert "no picture of it is left" in capsys.readouterr().err
+
+
+def test_saturated_pictures_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [CondenserShot(coherence=s, reading=s * LENS.aperture) for s in (0.3, 0.6)]
+    bright = etched(camera=replace(CAMERA, gain=1.3))
+    assert call(folder, write_condenser(folder / "bright", bright, rows)) == 2
+    assert "is saturated in" in capsys.readouterr().err
