@@ -185,22 +185,28 @@ def _field_cell(cell: Checked) -> FieldCell:
     camera = read_camera(raw["camera"])
     return FieldCell(
         response=camera.response,
-        has_response=cell.source.get("camera", "response") is not None,
-        has_black="black_level" in said,
+        lacks=_unstated(cell),
         white=said.get("white_level"),
         gradient=_number(cell, *WHERE),
         size_px=(camera.height_px, camera.width_px),
     )
 
 
+def _unstated(cell: Checked) -> str:
+    """Return which keys that make light of counts are not stated, "" if all are."""
+    said = {
+        "response": cell.source.get("camera", "response") is not None,
+        "black_level": "black_level" in stated_numbers(cell),
+    }
+    return " and ".join(f"no camera.{key}" for key, has in said.items() if not has)
+
+
 def _stated_condenser(cell: Checked) -> StatedCondenser:
     """Return what a workcell states of its light and of what makes counts of it."""
-    source, known = cell.source, stated_numbers(cell)
-    data = with_defaults(source.data, "workcell")
+    data = with_defaults(cell.source.data, "workcell")
     return StatedCondenser(
         kind=str(data["light"]["kind"]),
-        has_response=source.get("camera", "response") is not None,
-        has_black="black_level" in known,
+        lacks=_unstated(cell),
         coherence=_number(cell, "optics", "coherence"),
     )
 

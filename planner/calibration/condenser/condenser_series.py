@@ -65,8 +65,7 @@ class StatedCondenser:
     """What a workcell states of its light, and of what makes counts of it."""
 
     kind: str  # of light
-    has_response: bool
-    has_black: bool  # counts without light
+    lacks: str  # what makes light of counts and is not stated, in words; "": nothing
     coherence: float | None  # None: none, or an interval
 
     def tells(self, readings: PictureReadings, report: Report) -> bool:
@@ -87,11 +86,9 @@ class StatedCondenser:
         if self.kind != _COAXIAL:
             why = f"light.kind is {self.kind}: its condenser is not the objective"
             return f"no coherence: {why}", "coaxial light alone is told by settings"
-        lacks = [("response", self.has_response), ("black_level", self.has_black)]
-        names = [f"camera.{name}" for name, has in lacks if not has]
-        if not names:
+        if not self.lacks:
             return "", ""
-        why = f"the workcell states no {' and no '.join(names)}: counts that are not "
+        why = f"the workcell states {self.lacks}: counts that are not "
         why += "proportional to light look like another coherence"
         return f"no coherence: {why}", "calibrate with a series of lights first"
 

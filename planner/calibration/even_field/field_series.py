@@ -35,17 +35,10 @@ class FieldCell:
     """What a workcell states of camera and light."""
 
     response: Response | None  # None: straight, from 0 to full scale
-    has_response: bool  # or it is only taken to be straight
-    has_black: bool  # the camera's counts without light
+    lacks: str  # what makes light of counts and is not stated, in words; "": nothing
     white: float | None  # count of saturation; None: full scale
     gradient: float | None
     size_px: tuple[int, int]  # (rows, columns) of the camera
-
-    @property
-    def lacks(self) -> str:
-        """Return which keys that make light of counts are not stated, "" if all are."""
-        said = {"response": self.has_response, "black_level": self.has_black}
-        return " and ".join(f"no camera.{key}" for key, has in said.items() if not has)
 
 
 def even_field(
