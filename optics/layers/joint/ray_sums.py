@@ -1,6 +1,7 @@
 """The loop over rays of all points: sums of what they see past several faces.
 
-Compiled: a run of points stays in the processor's nearest memory for all its rays.
+Compiled: a block of points stays in the processor's nearest memory for all its rays.
+Loops over it are long, and of whole vectors: what is left over would take longer.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import numpy as np
 from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.compiled import compiled
 
-_RUN = 128  # points of a row that are summed together
+_BLOCK = 384  # points that are summed together, of some rows
+_LANES = 8  # points of a row that are one vector
+_VECTOR = 32  # points of a block that are one step of its loops
 _BUNDLE = 16  # rays whose sum is in single precision
 # columns of what is known of each field: where it begins, its columns (0: one value
 # for all rays), and which place rays meet it at
@@ -53,28 +56,29 @@ def ray_sums(
         the fields.
     """
     seen, rays = sums.shape[0] - fields.shape[0], down.shape[1]
-    runs = -(-sums.shape[2] // _RUN)
-    run = -(-sums.shape[2] // runs)  # none of them short
-    met = np.empty((fields.shape[0], _RUN), dtype=np.float32)
-    view = np.empty((seen + 3, _RUN), dtype=np.float32)
-    total = np.empty((sums.shape[0], _RUN), dtype=np.float32)
+    rows, columns = sums.shape[1:]
+    parts = -(-columns // _BLOCK)
+    wide = -(-columns // (parts * _LANES)) * _LANES
+    high = max(_BLOCK // wide, 1)
+    size = -(-wide * high // _VECTOR) * _VECTOR
+    met = np.zeros((fields.shape[0], size), dtype=np.float32)
+    view = np.zeros((seen + 3, size), dtype=np.float32)
+    total = np.empty((sums.shape[0], size))
+    # what is read of the last points, and not used
+    values = np.concatenate((values, np.zeros(_LANES + 1, dtype=np.float32)))
     _spread(values, fields, met)
-    sums[:, :, :] = 0.0
-    for row in range(sums.shape[1]):
-        for left in range(0, sums.shape[2], run):
-            n = min(run, sums.shape[2] - left)
-            for first in range(0, rays, _BUNDLE):
-                total[:, :] = np.float32(0.0)
-                for r in range(first, min(first + _BUNDLE, rays)):
-                    places = down, right, is_between
-                    _meet(values, fields, places, (r, row, left, n), met, total)
-                    _compose(met, faces, finish, n, view)
-                    for s in range(seen):
-                        for i in range(n):
-                            total[s, i] += view[s, i]
-                for s in range(sums.shape[0]):
-                    for i in range(n):
-                        sums[s, row, left + i] += total[s, i]
+    places = down, right, is_between
+    for top in range(0, rows, high):
+        count = min(high, rows - top)
+        for left in range(0, columns, wide):
+            n = min(wide, -(-(columns - left) // _LANES) * _LANES)
+            block = top, count, left, n
+            _add_up(values, fields, places, faces, finish, block, met, view, total)
+            last = min(left + n, columns)
+            for s in range(sums.shape[0]):
+                for k in range(count):
+                    for i in range(last - left):
+                        sums[s, top + k, left + i] = total[s, k * n + i]
     for f in range(fields.shape[0]):
         if fields[f, _COLUMNS] == 0:
             sums[seen + f, :, :] = float(rays) * values[fields[f, _FIRST]]
@@ -82,10 +86,49 @@ def ray_sums(
 
 @compiled
 def _spread(values: Float32Array, fields: IntArray, met: Float32Array) -> None:
-    """Write fields that are one value to all points of a run, in place."""
+    """Write fields that are one value to all points of a block, in place."""
     for f in range(fields.shape[0]):
         if fields[f, _COLUMNS] == 0:
             met[f, :] = values[fields[f, _FIRST]]
+
+
+@compiled
+def _add_up(
+    values: Float32Array,
+    fields: IntArray,
+    places: tuple[FloatArray, FloatArray, BoolArray],
+    faces: IntArray,
+    finish: Float32Array,
+    block: tuple[int, int, int, int],
+    met: Float32Array,
+    view: Float32Array,
+    total: FloatArray,
+) -> None:
+    """Write the sums of a block's points: first row, rows, first column, columns."""
+    rays, seen = places[0].shape[1], total.shape[0] - fields.shape[0]
+    size = -(-block[1] * block[3] // _VECTOR) * _VECTOR
+    bundle = np.empty(total.shape, dtype=np.float32)
+    total[:, :] = 0.0
+    for first in range(0, rays, _BUNDLE):
+        bundle[:, :] = np.float32(0.0)
+        for r in range(first, min(first + _BUNDLE, rays)):
+            _meet(values, fields, places, r, block, met)
+            _compose(met, faces, finish, size, view)
+            for s in range(seen):
+                _add(view, s, size, bundle, s)
+            for f in range(fields.shape[0]):
+                if fields[f, _COLUMNS] > 0:
+                    _add(met, f, size, bundle, seen + f)
+        for s in range(total.shape[0]):
+            for i in range(size):
+                total[s, i] += bundle[s, i]
+
+
+@compiled
+def _add(values: Float32Array, row: int, n: int, found: Float32Array, to: int) -> None:
+    """Add a row to one of another array, in place."""
+    for i in range(n):
+        found[to, i] += values[row, i]
 
 
 @compiled
@@ -93,73 +136,67 @@ def _meet(
     values: Float32Array,
     fields: IntArray,
     places: tuple[FloatArray, FloatArray, BoolArray],
-    at: tuple[int, int, int, int],
+    r: int,
+    block: tuple[int, int, int, int],
     met: Float32Array,
-    total: Float32Array,
 ) -> None:
-    """Read a run of all fields that are not even where a ray meets them, in place."""
+    """Read all fields that are not even where a ray meets them, in place."""
     down, right, is_between = places
-    r, row, left, n = at
+    top, count, left, n = block
     for f in range(fields.shape[0]):
-        if fields[f, _COLUMNS] > 0:
-            k = fields[f, _PLACE]
-            y, x = row + down[k, r], left + right[k, r]
-            if is_between[k]:
-                _read_between(values, fields, f, y, x, n, met, total)
+        columns = fields[f, _COLUMNS]
+        if columns == 0:
+            continue
+        place = fields[f, _PLACE]
+        y, x = top + down[place, r], left + right[place, r]
+        row, column = int(y), int(x)
+        at = fields[f, _FIRST] + row * columns + column
+        v, u = np.float32(y - row), np.float32(x - column)
+        for k in range(count):
+            if is_between[place]:
+                _read_between(values, at, columns, (u, v), n, met, f, k * n)
             else:
-                _read(values, fields, f, y, x, n, met, total)
+                _read(values, at, n, met, f, k * n)
+            at += columns
 
 
 @compiled
 def _read(
-    values: Float32Array,
-    fields: IntArray,
-    f: int,
-    y: float,
-    x: float,
-    n: int,
-    met: Float32Array,
-    total: Float32Array,
+    values: Float32Array, at: int, n: int, met: Float32Array, f: int, first: int
 ) -> None:
-    """Read a run of a field from a row and column on, and add it up, in place."""
-    at = fields[f, _FIRST] + int(y) * fields[f, _COLUMNS] + int(x)
-    run, row = values[at : at + n], total.shape[0] - fields.shape[0] + f
+    """Read a run of values."""
+    run, out = values[at : at + n], met[f, first : first + n]
     for i in range(n):
-        met[f, i] = run[i]
-        total[row, i] += run[i]
+        out[i] = run[i]
 
 
 @compiled
 def _read_between(
     values: Float32Array,
-    fields: IntArray,
-    f: int,
-    y: float,
-    x: float,
+    at: int,
+    columns: int,
+    share: tuple[np.float32, np.float32],
     n: int,
     met: Float32Array,
-    total: Float32Array,
+    f: int,
+    first: int,
 ) -> None:
-    """Read the same linear between a field's points."""
-    out = total.shape[0] - fields.shape[0] + f
-    row, column, columns = int(y), int(x), fields[f, _COLUMNS]
-    v, u = np.float32(y - row), np.float32(x - column)
-    at = fields[f, _FIRST] + row * columns + column
+    """Read the same linear between points, shares of a column and a row on."""
+    u, v = share
     high = values[at : at + n + 1]
     low = values[at + columns : at + columns + n + 1]
+    out = met[f, first : first + n]
     for i in range(n):
         upper = high[i] + u * (high[i + 1] - high[i])
         lower = low[i] + u * (low[i + 1] - low[i])
-        between = upper + v * (lower - upper)
-        met[f, i] = between
-        total[out, i] += between
+        out[i] = upper + v * (lower - upper)
 
 
 @compiled
 def _compose(
     met: Float32Array, faces: IntArray, finish: Float32Array, n: int, view: Float32Array
 ) -> None:
-    """Lay faces over each other for a run of points, the lowest first, in place.
+    """Lay faces over each other for a block of points, the lowest first, in place.
 
     As `microplan.optics.layers.joint.joint_faces.composite` does means. The last rows
     of `view` are what lies above the last sharp face, what a face sends, and mirrors.
