@@ -210,13 +210,13 @@ def steps(scene: Scene) -> tuple[float, ...]:
     return tuple(found)
 
 
-def rounded_up(error: float) -> float:
-    """Return `error` with two digits, never less.
+def rounded_up(error: float, finest: float = 0.0) -> float:
+    """Return `error` with two digits, in units of `finest` at least, never less.
 
     Machines differ in the last bits of an image; what is decided by a prediction, and
     what a plan says of it, should not.
     """
     if error <= 0:
         return 0.0
-    unit = 10.0 ** (math.floor(math.log10(error)) - 1)
+    unit = max(10.0 ** (math.floor(math.log10(error)) - 1), finest)
     return math.ceil(error / unit * (1 - 1e-9)) * unit

@@ -34,6 +34,7 @@ _TELLS = 0.05  # an edge of less contrast tells nothing
 _SHARE = 0.05  # of a target's edges: fewer of another contrast do not move it
 _POSES = 4
 _NM_PER_UM = 1000.0
+FINEST_NM = 0.1  # what moves an answer by less is the arithmetic of a machine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +130,7 @@ def moved_rows(
         EffectRow(
             effect="target moved by coherence",
             level="charged",
-            predicted_error=rounded_up(_NM_PER_UM * shift.um),
+            predicted_error=rounded_up(_NM_PER_UM * shift.um, FINEST_NM),
             limit=_NM_PER_UM * case.tolerance_um,
             unit=NM,
             reason=words,

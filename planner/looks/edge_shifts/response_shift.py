@@ -16,7 +16,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trials import Map, PreparedRoutines
 from microplan.optics.ledger import NM
 from microplan.optics.render.fidelity import rounded_up
-from microplan.planner.looks.edge_shifts.coherence_shift import reach_um
+from microplan.planner.looks.edge_shifts.coherence_shift import FINEST_NM, reach_um
 from microplan.schemas.plan import EffectRow
 
 # Exponents of the counts over light that a camera may have whose response is not
@@ -98,7 +98,7 @@ def response_rows(
         EffectRow(
             effect="target moved by the camera's response",
             level="charged",
-            predicted_error=rounded_up(_NM_PER_UM * shift.um),
+            predicted_error=rounded_up(_NM_PER_UM * shift.um, FINEST_NM),
             limit=_NM_PER_UM * case.tolerance_um,
             unit=NM,
             reason=f"response not stated: the chain measured counts that follow light "

@@ -180,3 +180,16 @@ def test_a_choice_needs_laws_and_a_focus() -> None:
         choose(scene, optics, focus_um=(0.0,), limit=0.1, ladder=())
     with pytest.raises(ValueError, match="geometric, product"):
         choose(scene, optics, focus_um=(0.0,), limit=0.1, ladder=("airy",))
+
+
+@given(st.floats(1e-12, 1e6), st.sampled_from([0.0, 1e-3, 0.1]))
+def test_an_error_is_never_rounded_down(error: float, finest: float) -> None:
+    found = rounded_up(error, finest)
+    assert found >= error * (1 - 1e-9)
+    assert found <= max(1.1 * error, error + finest) * (1 + 1e-9)
+
+
+def test_errors_below_the_finest_unit_are_one() -> None:
+    assert rounded_up(0.01, 0.1) == rounded_up(0.012, 0.1) == 0.1
+    assert rounded_up(0.0, 0.1) == 0.0
+    assert rounded_up(12.3, 0.1) == 13.0
