@@ -123,8 +123,7 @@ def wall_residual(
     mirrors = mirrored_view(*args, close, m, finer=finer)
     image += _laid(view, _diffracted(view, mirrors, close), close, sharp)
     free = math.prod(1 - share for _, share in sharp)
-    # on fewer points than the view of what is above focus: with more rays of each
-    below = mirrored_below(*args, lattice, m, finer=finer**0.75)
+    below = mirrored_below(*args, lattice, m, finer=finer)
     return image + free * view.at_pixels(below, lattice)
 
 

@@ -30,6 +30,7 @@ from microplan.optics.transfer.microscope import Microscope
 # Rays a point, as many as the time allows: the errors of means fall nearly with their
 # number (`benchmarks/optics/shading.py`).
 _FEWEST, _MOST, _SAMPLES = 64, 1024, 1 << 21
+_THINNED, _ENOUGH = 16, 3 << 19  # the fewest of trials' images, where they are so many
 _FINEST = 2.0  # points: what is smaller is no mean
 _A_RAY = 5.0  # points of a face in the side of a ray's share of the pupil
 _COARSEST = 32.0  # steps of the lattice between them
@@ -54,8 +55,10 @@ def ray_count(lattice: Lattice, finer: float) -> int:
     rows, columns = lattice.shape
     # what few of them leave of trials' images is less than rays past walls do
     few = min(finer, 1.0) ** 3
-    share = max(math.floor(_SAMPLES * few / (rows * columns)), 1)
-    return int(min(max(1 << (share.bit_length() - 1), _FEWEST), _MOST))
+    share = math.floor(_SAMPLES * few / (rows * columns))
+    enough = _ENOUGH // (rows * columns) if finer < 1 else _FEWEST
+    fewest = min(max(enough, _THINNED), _FEWEST)
+    return int(1 << (min(max(share, fewest), _MOST).bit_length() - 1))
 
 
 def met_lattice(

@@ -28,6 +28,7 @@ _FOLLOWED, _SIDES = 2_400_000, (24, 32)  # in all, and roots of how many of a po
 _AT_ONCE = 1 << 20  # rays traced at once: a limit to memory
 _HASTY = 1.9  # reach of rays that are thinned: images change by .0005 rms at most
 _LEAST = 3  # root of how many rays of a point are left at least
+THIN = 4  # the power of `finer` that is left of rays, where none is given
 # How far outside a body points are taken that lie in it: distances err by .35 um, and
 # rays start .5 um wide on each side.
 _OUT_UM = 0.7
@@ -150,26 +151,29 @@ def rays_from(
     return rays, soft
 
 
-def straight_rays(lattice: Lattice, finer: float = 1.0) -> int:
+def straight_rays(lattice: Lattice, finer: float = 1.0, power: int = THIN) -> int:
     """Return how many rays of each point of a lattice are traced straight."""
     rows, columns = lattice.shape
     share = _SAMPLES // (rows * columns)
-    return thinned(min(max(share, _FEWEST), _MOST), finer)
+    return thinned(min(max(share, _FEWEST), _MOST), finer, power)
 
 
-def mirrored_rays(lattice: Lattice, finer: float = 1.0) -> int:
+def mirrored_rays(lattice: Lattice, finer: float = 1.0, power: int = THIN) -> int:
     """Return how many rays of each point of a lattice are followed past walls."""
     rows, columns = lattice.shape
     side = math.isqrt(_FOLLOWED // (rows * columns))
-    return thinned(min(max(side, _SIDES[0]), _SIDES[1]) ** 2, finer)
+    return thinned(min(max(side, _SIDES[0]), _SIDES[1]) ** 2, finer, power)
 
 
-def thinned(rays: int, finer: float) -> int:
+def thinned(rays: int, finer: float, power: int = THIN) -> int:
     """Return how many rays of a point are left where they are not all traced.
 
-    A square number, as the fourth power: images of all rays are judges, and dear.
+    A square number, as a power of `finer`: images of all rays are judges, and dear.
     """
-    return rays if finer >= 1 else max(round(math.sqrt(rays) * finer**2), _LEAST) ** 2
+    if finer >= 1:
+        return rays
+    side = max(round(math.sqrt(rays) * finer ** (power / 2)), _LEAST)
+    return side * side
 
 
 def bands(lattice: Lattice, rays: int) -> Iterator[Lattice]:

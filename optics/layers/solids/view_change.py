@@ -37,6 +37,9 @@ _ROUNDING_UM = 1e-6  # heights this close are one
 # What layers near focus hide, or show, of a field is left out of trials from so many
 # points off their edges: a spline feels 2 - sqrt(3) of a value less a point.
 _BEYOND = 4
+# Powers of `finer` that are left of rays: straight ones, and those that walls mirror
+# above focus and below. Images of trials err by about as much for the time of each.
+_STRAIGHT, _ABOVE, _BELOW = 3, 5, 4
 
 
 def solid_view(
@@ -65,7 +68,7 @@ def solid_view(
     finer : float
         As in `solid_bodies.rays_from`.
     """
-    count = straight_rays(lattice, finer)
+    count = straight_rays(lattice, finer, _STRAIGHT)
     parts = [
         _solid_and_flat(faces, plane, plane_um, *rays_from(band, microscope, count))
         for band in bands(lattice, count)
@@ -117,7 +120,8 @@ def mirrored_view(
     as the plane in focus is in focus in a vertical mirror, too: points are closer than
     for what is lost at walls. With it comes what sharp mirror faces send up to walls.
     """
-    count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
+    count = mirrored_rays(lattice, finer, _ABOVE)
+    margin_um = _margin_um(lattice, finer)
     parts = [
         _mirrored_above(faces, plane, plane_um, rays, margin_um)
         for rays in _cell_rays(lattice, microscope, count, finer)
@@ -208,7 +212,8 @@ def mirrored_below(
     as in `solid_view`: all that is seen is out of focus, and smooth as what is lost at
     walls.
     """
-    count, margin_um = mirrored_rays(lattice, finer), _margin_um(lattice, finer)
+    count = mirrored_rays(lattice, finer, _BELOW)
+    margin_um = _margin_um(lattice, finer)
     sharp = [face.body for face in faces if face.body.is_sharp]
     parts = []
     for rays in _cell_rays(lattice, microscope, count, finer):
