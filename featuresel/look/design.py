@@ -23,7 +23,10 @@ from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.featuresel.look.unknown_surfaces import random_shares
 from microplan.optics.lens.lens import LensErrors
 
-_EVERY = 4  # each fourth trial is a corner, whatever their number
+# A quarter of all trials are corners: of so many each fourth of the first, and all that
+# follow until the design is complete. So a choice need not wait for it.
+_CYCLE, _MIXED, COMPLETE = 64, 32, 40
+_EVERY = 4
 DRAWN_SIGMAS = 4.0  # where normal draws end: .1 % of the variance is left out
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 _BLOCK = 1024  # points drawn at a time, a power of two
@@ -90,7 +93,7 @@ class Design(Sequence[Trial]):
     first: int
     step: int
     length: int
-    has_corners: bool = True  # each fourth; else all are random
+    has_corners: bool = True  # a quarter; else all are random
 
     def __len__(self) -> int:
         """Return how many trials there are."""
@@ -116,8 +119,8 @@ class Design(Sequence[Trial]):
         return min(_BLOCK, 1 << max(1, last.bit_length()))
 
     def _trial(self, index: int, block: int) -> Trial:
-        turn, place_of = divmod(index, _EVERY) if self.has_corners else (0, 0)
-        if place_of == _EVERY - 1:
+        turn = _corners(index) if self.has_corners else 0
+        if self.has_corners and _corners(index + 1) > turn:
             return _extreme(self.case, index, turn, self.root_seed)
         start, row = divmod(index - turn, block)
         points = _points(self.case.key, self.root_seed, start * block, block)
@@ -135,11 +138,11 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
 
     Trial k depends on the case, `root_seed` and k alone: other routines, cases or
     counts change none. Three of four are random: scrambled Sobol points mapped to the
-    workcell's own spreads, `LookCase.drawn`. Each fourth is a corner of what is tried,
+    workcell's own spreads, `LookCase.drawn`. The others are corners of what is tried,
     `LookCase.spread`, by a folded two-level design (2 sigma in focus, zoom and angle,
     the ends of the light's and the noise's intervals, nine tenths to all of
-    `search_um`). A standard deviation of zero leaves its axis at rest and the others
-    where they were.
+    `search_um`), whose 16 runs are among the first `COMPLETE`. A standard deviation of
+    zero leaves its axis at rest and the others where they were.
 
     Parameters
     ----------
@@ -175,6 +178,13 @@ def random_design(case: LookCase, count: int, root_seed: int) -> Design:
 def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
     """Return one trial of `design` by its number, such as a score's worst."""
     return design(case, index + 1, root_seed)[index]
+
+
+def _corners(count: int) -> int:
+    """Return how many of the first `count` trials are corners."""
+    cycles, left = divmod(count, _CYCLE)
+    mixed, alone = min(left, _MIXED), min(max(left - _MIXED, 0), COMPLETE - _MIXED)
+    return cycles * (_CYCLE // _EVERY) + mixed // _EVERY + alone
 
 
 @lru_cache(maxsize=4)

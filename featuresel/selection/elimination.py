@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from microplan.featuresel.look.design import COMPLETE
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits, by_cost
 from microplan.featuresel.selection.select import independence
@@ -32,6 +33,8 @@ class Elimination:
     limits: Limits
     interim_tests: int
     in_set: bool  # one direction of the position will do
+    # trials of a chain at most, where a race may end without proof; None: it may not
+    most: int | None = None
 
     def scores(
         self, racing: PreparedRoutines, outcomes: Sequence[Outcome]
@@ -149,10 +152,30 @@ class Elimination:
         if not left:
             return True
         first = by_cost(left)[0]
+        if not at_most(self.use(first), self.limits.margin_share):
+            return False
+        return self._is_proved(first) or self._is_clear(first, left)
+
+    def _is_proved(self, score: ChainScore) -> bool:
+        """Return whether its rates are shown to meet the limits."""
         return (
-            first.success_lower >= self.limits.success
-            and first.silent_upper <= self.limits.silent_upper
-            and at_most(self.use(first), self.limits.margin_share)
+            score.success_lower >= self.limits.success
+            and score.silent_upper <= self.limits.silent_upper
+        )
+
+    def _is_clear(self, first: ChainScore, left: Sequence[ChainScore]) -> bool:
+        """Return whether a chain was always right, and one to fall back on as well.
+
+        Where no number of trials that may be made would prove it.
+        """
+        if self.most is None or first.trials < COMPLETE:
+            return False
+        level = 1 - (1 - CONFIDENCE) / self.interim_tests
+        if success_lower(self.most, self.most, level) >= self.limits.success:
+            return False
+        spare = [s for s in left if s.principle != first.principle]
+        return first.success == first.trials and any(
+            s.success == s.trials and self.meets(s) for s in spare
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from microplan.featuresel.features.feature import seen_share
 from microplan.featuresel.limits.crlb import limit_um
+from microplan.featuresel.look.design import COMPLETE
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
@@ -23,7 +24,8 @@ from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trial_cache import Known, Looks
 from microplan.featuresel.trials.trials import Map, PreparedRoutines, prepare
 
-ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
+# trials at the end of each; most chains leave early
+ROUNDS = (8, 24, COMPLETE, 64, 304, 1024)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -182,7 +182,9 @@ def race(
     go on that `ahead` tells; the others follow where that changes.
 
     The race ends when no chain is left, after `most` trials, or when a chain is proved
-    good enough with room to spare and none that is cheaper is left.
+    good enough with room to spare and none that is cheaper is left. Where `ahead` is
+    given and not even `most` trials would prove a rate of success, it is enough that
+    this chain and one of another principle were right in all of `COMPLETE` trials.
 
     Parameters
     ----------
@@ -230,7 +232,11 @@ def race(
     ends = round_ends(rounds, most)
     interim_tests = _tests(ends, interim_tests)
     verdicts = Elimination(
-        case=case, limits=limits or Limits(), interim_tests=interim_tests, in_set=in_set
+        case=case,
+        limits=limits or Limits(),
+        interim_tests=interim_tests,
+        in_set=in_set,
+        most=None if ahead is None else most,
     )
     heats = Heats(
         prepared=prepared,

@@ -25,6 +25,9 @@ from microplan.optics.lens.sensor import CountArray, linear
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 _AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
+# Of so many trials the first so many tell what moved their answers, which is a part of
+# sigma alone; of both models, which take turns.
+_TELLING = 4, 2
 
 # An answer more than this many tolerances off is wrong. A chain that only just passes
 # (2 sigma + bias = tolerance) comes there by 4 sigma, so what is counted are outliers,
@@ -108,8 +111,9 @@ def run(
         What is known of the look already, with the same artifacts: no chain measures a
         trial twice. Takes what is found.
     tells_moves : bool
-        Whether outcomes tell by how much the pictures' discrepancy moved them: every
-        chain measures once more, without it. Then nothing may be known.
+        Whether outcomes tell by how much the pictures' discrepancy moved them, those of
+        half of the trials: every chain measures once more, without it. Then nothing may
+        be known.
 
     Returns
     -------
@@ -238,7 +242,9 @@ def _run_chunk(
         only = replace(prepared, chains=each.chains)
         shown = linear(picture, case.sensor)
         outcomes = measure_picture(case, only, each.trial, shown)
-        if asks.tells_moves and more is not None and case.discrepancy is not None:
+        turns, telling = _TELLING
+        tells = asks.tells_moves and each.trial.index % turns < telling
+        if tells and more is not None and case.discrepancy is not None:
             plain = measure_picture(case, only, each.trial, shown - more)
             outcomes = tuple(
                 with_move(case, *both) for both in zip(outcomes, plain, strict=True)

@@ -48,7 +48,7 @@ def test_other_keys_and_roots_give_other_trials(look: Look) -> None:
 
 def test_interior_follows_the_spreads(look: Look) -> None:
     case = look("post")
-    trials = [t for t in design(case, 1024, 3) if t.index % 4 != 3]
+    trials = [t for t in design(case, 1024, 3) if not t.corner]
     n = len(trials)
     spread = case.spread
     # a normal cut at 4 sigma keeps all but .05 % of its deviation; Sobol points are
@@ -82,7 +82,8 @@ def test_random_trials_follow_the_workcell_and_corners_what_is_tried(
     case = stated(look("post"))
     trials = list(design(case, 1024, 3))
     inside = [t for t in trials if not t.corner]
-    assert [t.corner for t in trials] == [k % 4 == 3 for k in range(1024)]
+    mixed = [k % 4 == 3 for k in range(32)]
+    assert [t.corner for t in trials] == (mixed + 8 * [True] + 24 * [False]) * 16
     tried = list(design(look("post"), 1024, 3))
     assert [t for t in trials if t.corner] == [t for t in tried if t.corner]
     rel = 4 / math.sqrt(2 * len(inside))
@@ -109,9 +110,10 @@ def test_fresh_random_trials_are_drawn_alike_but_others(look: Look) -> None:
         random_design(case, 0, 3)
 
 
-def test_each_fourth_trial_is_an_extreme(look: Look) -> None:
+def test_a_quarter_of_the_trials_are_extremes(look: Look) -> None:
     case = look("post")
-    extremes = [t for t in design(case, 128, 3) if t.index % 4 == 3]
+    extremes = [t for t in design(case, 128, 3) if t.corner]
+    assert len(extremes) == 32
     far = [math.hypot(t.dx_um, t.dy_um) for t in extremes]
     assert 9.0 <= min(far) <= max(far) <= 10.0
     assert {round(abs(t.dz_um), 9) for t in extremes} == {8.0}
@@ -123,9 +125,9 @@ def test_each_fourth_trial_is_an_extreme(look: Look) -> None:
 
 def test_both_blur_laws_meet_interior_and_extremes(look: Look) -> None:
     trials = design(look("post"), 64, 3)
-    for part in (0, 3):
-        laws = [t.model for t in trials if t.index % 4 == part]
-        assert laws.count("hopkins") == laws.count("stokseth") == 8
+    for part in (False, True):
+        laws = [t.model for t in trials if t.corner is part]
+        assert laws.count("hopkins") == laws.count("stokseth")
     rough = design(replace(look("post"), model="product"), 8, 3)
     assert {t.model for t in rough} == {"product", "exact"}
 
@@ -172,7 +174,7 @@ def test_further_axes_move_no_other(look: Look) -> None:
 
 def test_occluder_lens_and_noise_follow_their_spreads(look: Look) -> None:
     trials = design(wider(look("between")), 1024, 3)
-    inside = [t for t in trials if t.index % 4 != 3]
+    inside = [t for t in trials if not t.corner]
     n = len(inside)
     drawn = {
         "x": ([t.occluder_um[0] for t in inside], 3.0),
@@ -191,7 +193,7 @@ def test_occluder_lens_and_noise_follow_their_spreads(look: Look) -> None:
     noises = [t.noise for t in trials]
     assert 0.5 <= min(noises) < 0.51
     assert 1.99 < max(noises) <= 2.0
-    corners = [t for t in trials if t.index % 4 == 3]
+    corners = [t for t in trials if t.corner]
     assert {t.noise for t in corners} == {0.5, 2.0}
     assert {round(abs(_lens(t).edge_offset_um), 12) for t in corners} == {0.2}
     assert max(abs(t.occluder_um[0]) for t in corners) <= 6.0

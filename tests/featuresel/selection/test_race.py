@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from microplan.featuresel.look.design import design
+from microplan.featuresel.look.design import COMPLETE, design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.race import ROUNDS, Race, race
@@ -110,6 +111,41 @@ def test_a_race_ends_when_one_chain_is_proved_and_no_cheaper_one_is_left(
     assert held(margin_share, lone, success=0.84, silent_upper=0.15).trials == {
         FINE: 64
     }
+
+
+def test_a_race_without_proof_ends_when_two_principles_were_always_right(
+    post: LookCase,
+) -> None:
+    both, wide = prepare(post, [FINE, COARSE]), replace(post, tolerance_um=2.0)
+
+    def trials(
+        ready: PreparedRoutines, *, success: float = 0.98, waits: bool = True
+    ) -> set[int]:
+        found = race(
+            wide, ready, root_seed=5, most=64, rounds=(16, COMPLETE),
+            limits=Limits(success=success),
+            ahead=(lambda scores: [s.chain for s in scores]) if waits else None,
+        )  # fmt: skip
+        assert all(s.success == s.trials for s in found.scores)
+        return set(found.trials.values())
+
+    assert trials(both) == {COMPLETE}
+    assert trials(both, waits=False) == {64}
+    assert trials(both, success=0.93) == {64}  # 64 of 64 would show .938
+    assert trials(prepare(post, [FINE])) == {64}  # nothing to fall back on
+    assert trials(prepare(post, [COARSE, (*COARSE, "otsu")])) == {64}
+
+
+def test_a_race_without_proof_goes_on_after_a_wrong_answer(post: LookCase) -> None:
+    both = prepare(post, [FINE, COARSE])
+    need_um = {s.chain: s.need_um for s in held(post, both).scores}
+    # right is within twice a tolerance: the coarse chain is that in some trials alone
+    tight = replace(post, tolerance_um=0.4 * (need_um[COARSE] or math.inf))
+    found = race(
+        tight, both, root_seed=5, most=64, rounds=(16, COMPLETE),
+        ahead=lambda scores: [s.chain for s in scores],
+    )  # fmt: skip
+    assert found.trials[FINE] == 64
 
 
 def test_a_dearer_and_coarser_chain_of_the_same_beginning_is_dropped(
