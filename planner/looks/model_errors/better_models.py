@@ -140,7 +140,7 @@ def _exact(case: LookCase, effects: Collection[str]) -> BetterModel:
 def _vectorial(case: LookCase) -> BetterModel:
     """Return the look by a vectorial field, as a sum of two scalar ones."""
     # terms in waves belong to the whole pupil
-    plain = _seen_by(flat(as_tried(case)), wavefront=(), halo=None)
+    plain = _seen_by(_blended(case), wavefront=(), halo=None)
     scope = plain.microscope
     inner = replace(scope, aperture=_INNER * scope.aperture)
     weight = inner_weight(scope.aperture / scope.medium_index)
@@ -258,6 +258,7 @@ def _finish(case: LookCase, bodies: Sequence[Body]) -> BetterModel:
         by="faces that are dull, and that are mirrors",
         ends=_ends(tried, lambda layer, end: _polished(layer, made, end)),
         against=tried,
+        alternates=True,
         is_drawn=bool(case.surfaces),
     )
 

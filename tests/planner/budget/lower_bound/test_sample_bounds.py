@@ -122,9 +122,9 @@ def test_the_rate_of_a_run_stays_below_its_bound_as_often_as_it_says() -> None:
     assert above <= binom.ppf(0.999, SETS, 0.05)
 
 
-def test_the_doubt_is_split_in_halves_and_over_the_terms() -> None:
+def test_the_doubt_is_split_and_over_the_terms() -> None:
     level = Level(confidence=0.9, terms=4)
-    assert level.rate_doubt == pytest.approx(0.05)
+    assert level.rate_doubt == pytest.approx(0.08)
     assert level.rate_doubt + 4 * level.term_doubt == pytest.approx(0.1)
     for wrong in ({"confidence": 1.0, "terms": 1}, {"confidence": 0.9, "terms": 0}):
         with pytest.raises(ValueError, match="confidence"):
