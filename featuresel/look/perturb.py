@@ -35,10 +35,11 @@ from microplan.optics.render.view_range import Range
 # of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
+_FLAT = 0.7  # the same where trials draw no walls, of pairs: these charge for them
 # `Sampling.walls` of trials whose focus lies in the target's body, so many depths of
 # field, n wavelength / A^2, below its top: what its walls hide beside it changes within
 # a few um there, and chains find edges where points are too far apart (tested)
-_CLOSE, _BELOW = 2.5, 2.0
+_CLOSE, _BELOW = 3.0, 2.0
 
 
 def image(
@@ -166,10 +167,9 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
 
 
 def as_tried(case: LookCase) -> LookCase:
-    """Return a look sampled as its trials are, where these draw surfaces."""
-    if not case.surfaces:
-        return case
-    return replace(case, sampling=sampling_at(case, case.focus_um, RAYS))
+    """Return a look sampled as its trials are; with more rays where walls are flat."""
+    rays = RAYS if case.surfaces else _FLAT
+    return replace(case, sampling=sampling_at(case, case.focus_um, rays))
 
 
 def sampling_at(case: LookCase, focus_um: float, rays: float) -> Sampling:
