@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from microplan.planner.plan.options import Options
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_folder
 from microplan.planner.store.summary import plan_summary
-from microplan.planner.task.presets import PRESETS
 from microplan.schemas.plan import Look, Plan, parse_plan
 from microplan.schemas.plan.views import ViewChange
 from tests.executor.bench import QUICK
@@ -51,9 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change(file, "max_image_error: 0.002", "max_image_error: 0.06")
     known_lens(file)
     report = Report()
-    less = replace(FEW, random_trials=PRESETS["fast"].random_trials)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("microplan.planner.plan.compiler.PRESETS", {"fast": less})
+        patch.setattr("microplan.planner.plan.compiler.PRESETS", {"fast": FEW})
         files = compile_task(read(file), report, Options(preset="fast"))
     assert files is not None
     write_folder(plan_bytes(files), where / "plan")

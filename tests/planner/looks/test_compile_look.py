@@ -19,7 +19,8 @@ from microplan.planner.looks.look_problem import Begun, CompileContext, LookProb
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.store.memo import EVERY_TIME
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.store.store import Store, place
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.target_views import views
@@ -27,6 +28,12 @@ from tests.planner.examples import FEW, copy_example, one_look, read
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+
+def few_trials() -> CompileContext:
+    """Return a context of few trials; what other tests have computed is kept."""
+    kept = Memo(Store(place()))
+    return CompileContext(effort=FEW, max_image_error=0.06, map=map, memo=kept)
 
 
 def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
@@ -37,7 +44,7 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = CompileContext(effort=FEW, max_image_error=0.06, map=map)
+    effects = few_trials()
     low, _ = task.workcell.optics.magnification
 
     def compiled(request: Request) -> CompiledLook | None:
@@ -61,7 +68,7 @@ def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = CompileContext(effort=FEW, max_image_error=0.06, map=map)
+    effects = few_trials()
     low, _ = task.workcell.optics.magnification
     short = replace(asked, tolerance_um=1e-3, admissible_um=2e-3)
 

@@ -6,7 +6,6 @@ import atexit
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -30,6 +29,7 @@ from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store, place
 from microplan.planner.task.presets import PRESETS
 from tests.planner.examples import copy_example, one_look, one_zoom, read
+from tests.planner.few_trials import EFFORT
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 STEP = "see_post"
@@ -40,8 +40,7 @@ CALL = ("--step", STEP, "--chain", ",".join(CHAIN), "--preset", "fast")
 @contextmanager
 def fewer_trials() -> Iterator[None]:
     """Let the preset `fast` spend less while inside."""
-    less = replace(PRESETS["fast"], trials=8, random_trials=16)
-    with patch.dict(PRESETS, {"fast": less}):
+    with patch.dict(PRESETS, {"fast": EFFORT}):
         yield
 
 

@@ -22,7 +22,7 @@ from microplan.planner.measure.part_task import PartCall, part_task
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store, place
-from tests.planner.examples import EXAMPLE
+from tests.planner.examples import EXAMPLE, known_lens
 from tests.planner.measure.small_look import fewer_trials, save
 
 ZOOM = 20.0
@@ -44,7 +44,10 @@ def _fewer_trials() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a workcell and a drawing of a disc with a flat."""
+    """Return a folder with a workcell and a drawing of a disc with a flat.
+
+    What the lens may be else moves answers as `test_marks` has it.
+    """
     found = tmp_path_factory.mktemp("part")
     cell = (EXAMPLE / "workcell.yaml").read_text(encoding="utf-8")
     small = cell.replace(
@@ -52,6 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert small != cell
     (found / "workcell.yaml").write_text(small, encoding="utf-8")
+    known_lens(found / "task.yaml")
     # the workcell names the tool's drawing
     shutil.copytree(EXAMPLE / "parts", found / "parts")
     drawn(found / "disc.dxf", units=13)

@@ -34,6 +34,7 @@ from microplan.schemas.files import json_schema
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan, dump_plan, parse_plan
 from tests.golden.__main__ import FEW_TRIALS, GOLDEN, compile_fast
+from tests.planner import few_trials
 from tests.planner.examples import (
     FEW,
     GRASP,
@@ -175,7 +176,8 @@ def test_bytes_depend_on_neither_jobs_nor_hash_seed(tmp_path: Path) -> None:
     for jobs, seed, kept in (("1", "0", ()), ("2", "4711", ("--no-cache",))):
         folders.append(tmp_path / f"{jobs}.plan")
         words = ("-o", str(folders[-1]), "--preset", "fast", "--jobs", jobs, *kept)
-        done = microplan("compile", str(file), *words, hash_seed=seed)
+        call = ("compile", str(file), *words)
+        done = microplan(*call, hash_seed=seed, module=few_trials.__name__)
         assert done.returncode == 0, done.stderr
     one, two = ({p.relative_to(f): p for p in f.rglob("*.*")} for f in folders)
     assert one.keys() == two.keys()
