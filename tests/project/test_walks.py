@@ -13,8 +13,10 @@ from tests.project.walk import PROGRAMS, Said, alike, walk
 DOCS = Path(__file__).parents[2] / "docs"
 
 PAGES = ("tutorial-own-part.md", "howto-driver.md", "howto-not-found.md")
-# Trials of a look that its page tells nothing of.
-FEW = replace(PRESETS["fast"], trials=8)
+# Fewer trials of a look: what its page does not tell, and of the rest nearly as many.
+FEW = replace(
+    PRESETS["fast"], trials=8, random_trials=52, range_draws=10, drift_draws=1
+)
 
 
 def spend_less(monkeypatch: pytest.MonkeyPatch) -> None:
