@@ -65,7 +65,7 @@ def test_images_meet_brute_force(
     distance: Callable[[FloatArray, FloatArray], FloatArray],
     z_um: float,
 ) -> None:
-    optics = microscope(6.9, 96, 72)  # undersampled: the spectrum folds
+    optics = microscope(6.9, 64, 48)  # undersampled: the spectrum folds
     expected = brute_force(
         distance,
         optics,
@@ -78,7 +78,7 @@ def test_images_meet_brute_force(
 
 def test_brute_force_closes_in_on_the_renderer() -> None:
     # the raster errs with the square of its step; what stays is the band cut
-    optics = microscope(6.9, 96, 72)
+    optics = microscope(6.9, 64, 48)
     found = render(one_layer(RING), optics, focus_um=0.0)
     errors = [
         np.abs(
@@ -91,7 +91,7 @@ def test_brute_force_closes_in_on_the_renderer() -> None:
 
 
 def test_the_product_law_meets_brute_force() -> None:
-    optics = microscope(6.9, 96, 72)
+    optics = microscope(6.9, 64, 48)
     w = optics.paraxial_w20_um(20.0) / optics.wavelength_um
     expected = brute_force(_ring_distance, optics, lambda x: product(x, w), samples=8)
     found = render(one_layer(RING, 20.0), optics, focus_um=0.0, model="product")

@@ -14,7 +14,6 @@ import cv2
 import ezdxf.filemanagement
 import jsonschema
 import numpy as np
-import ome_types
 import pytest
 import shapely
 import tifffile
@@ -241,6 +240,8 @@ def test_ezdxf_reads_every_piece_where_the_json_has_it(
 def test_tifffile_and_ome_types_read_the_images(
     compiled_example: Path, plan: Plan, tmp_path: Path
 ) -> None:
+    import ome_types  # what takes long to load is not loaded by each worker
+
     out = tmp_path / "images"
     assert export(compiled_example, "ome-tiff", out) == 0
     index = json.loads((out / "export.json").read_text(encoding="utf-8"))
@@ -279,6 +280,8 @@ def test_tifffile_and_ome_types_read_the_images(
 def test_the_description_obeys_the_ome_schema_whatever_the_names(
     copy: Path, tmp_path: Path
 ) -> None:
+    import ome_types
+
     def rename(data: Any) -> None:
         data["name"] = 'a<b> & "c"\x07 \N{GREEK SMALL LETTER MU}'
 

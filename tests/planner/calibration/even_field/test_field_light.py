@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from shapely.geometry import box
@@ -128,20 +130,22 @@ def _board(cell: int) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    ("light", "why"),
+    ("made", "why"),
     [
-        (_square(0.8), "it shows something"),
-        (_square(0.53), "it shows something"),
-        (field() + 0.1 * (np.arange(SIZE[1]) > 90), "it shows something"),
-        (_board(16), "it shows something"),
-        (_board(3), "between neighbouring areas"),
-        (field() * 0.05, "of full scale, less than 5%"),
-        (np.zeros(SIZE), "its light is 0.20% of full scale"),
-        (field()[:16], "pictures of 128 x 16 px are too small"),
+        (lambda: _square(0.8), "it shows something"),
+        (lambda: _square(0.53), "it shows something"),
+        (lambda: field() + 0.1 * (np.arange(SIZE[1]) > 90), "it shows something"),
+        (lambda: _board(16), "it shows something"),
+        (lambda: _board(3), "between neighbouring areas"),
+        (lambda: field() * 0.05, "of full scale, less than 5%"),
+        (lambda: np.zeros(SIZE), "its light is 0.20% of full scale"),
+        (lambda: field()[:16], "pictures of 128 x 16 px are too small"),
     ],
 )
-def test_fields_that_are_not_even_are_refused(light: FloatArray, why: str) -> None:
-    found = field_light(shown(light))
+def test_fields_that_are_not_even_are_refused(
+    made: Callable[[], FloatArray], why: str
+) -> None:
+    found = field_light(shown(made()))
     assert isinstance(found, Refused)
     assert why in found.why
     assert "empty stage" in found.take
