@@ -21,6 +21,7 @@ from microplan.planner.task.task import Task
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft"
 ONE_LOOK = "{id: see_post, do: locate, target: shaft_plate.post, view_um: [0, 0]}"
+POST_UM = 12.0  # radius of the post of one look
 GRASP = "{id: grasp, do: grasp, target: gear, with: tweezers, opening_um: 96}"
 _DOWN = """\
   - {id: find_shaft, do: locate, target: shaft_plate.post, view_um: [0, -215]}
@@ -51,13 +52,14 @@ def cut(file: Path, *steps: str) -> None:
     file.write_text(fresh, encoding="utf-8")
 
 
-def one_look(file: Path) -> None:
-    """Cut the task down to one look at a post that is nearly in place: fast.
+def one_look(file: Path, *, post_um: float = POST_UM) -> None:
+    """Cut the task down to one look at a post, small and nearly in place: fast.
 
     The lens is known, and images may err by so much that no error has to be charged but
     that of unknown faces.
     """
     cut(file, ONE_LOOK)
+    change(file.with_name("parts") / "shaft_plate.dxf", "22.0", f"{post_um}")
     change(file, "max_image_error: 0.002", "max_image_error: 0.06")
     change(file, "sigma_xy_um: 10", "sigma_xy_um: 2")
     known_lens(file)

@@ -104,7 +104,7 @@ def tubular(task: Task) -> Task:
     """Return the task with a post that has another rim inside its own."""
     plate = task.parts["shaft_plate"]
     post = plate.posts["post"]
-    bore = Arc(center=(0.0, 0.0), radius_um=12.0, start_rad=0.0, sweep_rad=-math.tau)
+    bore = Arc(center=(0.0, 0.0), radius_um=6.0, start_rad=0.0, sweep_rad=-math.tau)
     tube = Outline(rings=(*post.outline.rings, Ring(edges=(bore,))))
     plate = replace(plate, posts={"post": replace(post, outline=tube)})
     return replace(task, parts={**task.parts, plate.name: plate})

@@ -50,7 +50,7 @@ def task_file() -> Path:
     folder = Path(mkdtemp())
     atexit.register(shutil.rmtree, folder)
     file = copy_example(folder / "task")
-    one_look(file)
+    one_look(file, post_um=22.0)  # as drawn
     one_zoom(file)
     return file
 

@@ -39,6 +39,7 @@ from tests.planner.examples import (
     FEW,
     GRASP,
     ONE_LOOK,
+    POST_UM,
     ROOT,
     between_jaws,
     change,
@@ -206,8 +207,8 @@ def test_the_order_of_keys_means_nothing(small: Path, small_plan: PlanFiles) -> 
     [
         pytest.param(
             "parts/shaft_plate.dxf",
-            "22.0",
-            "21.5",
+            f"{POST_UM}",
+            f"{POST_UM - 0.5}",
             id="post diameter",
             marks=pytest.mark.slow,
         ),

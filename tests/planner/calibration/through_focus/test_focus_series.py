@@ -45,7 +45,7 @@ def call(folder: Path, pictures: Path, *words: str, cell: str = "workcell") -> i
 @pytest.fixture(scope="module")
 def pictures(folder: Path) -> Path:
     """Return focus steps."""
-    readings = np.linspace(-5.3, 6.7, 9).tolist()
+    readings = np.linspace(-5.3, 6.7, 7).tolist()
     steps = [Reading(focus_um=z_um) for z_um in readings]
     return write_readings(folder / "steps", lens(), steps)
 
@@ -87,7 +87,7 @@ def test_aperture_and_focus_come_out_within_their_deviations(
 @pytest.fixture(scope="module")
 def aberrated(folder: Path) -> Path:
     """Return focus steps of a lens with astigmatism, coma, spherical aberration."""
-    readings = [Reading(focus_um=z) for z in np.linspace(-5.3, 6.7, 9).tolist()]
+    readings = [Reading(focus_um=z) for z in np.linspace(-5.3, 6.7, 7).tolist()]
     optics = replace(lens().optics, zernike=WAVES)
     return write_readings(
         folder / "aberrated", replace(lens(), optics=optics), readings
