@@ -30,7 +30,7 @@ check: install
 	$(BIN)/lint-imports
 
 test: install
-	$(BIN)/pytest -n 2 --dist loadscope --no-loadscope-reorder --module-times
+	$(BIN)/pytest -n 3 --dist loadscope --no-loadscope-reorder --module-times
 
 bench: install
 	HYPOTHESIS_PROFILE=roving $(BIN)/pytest -n 2 --dist worksteal -m "slow or not slow"
