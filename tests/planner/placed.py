@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from microplan.planner.assembly.step_states import unfold
@@ -13,16 +14,17 @@ from microplan.planner.budget.placement_budget import place_budget
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
-from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.plan import Budget
 from microplan.schemas.plan.verdicts import PlacingVerdict
+from tests.planner import examples
 from tests.planner.examples import ROOT
 
 EXAMPLE = ROOT / "examples" / "laser_die" / "task.yaml"
 EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.005, map=map)
 
 
+@cache
 def read(file: Path = EXAMPLE) -> Task:
     """Return the example's task with one alignment: the closer one left out."""
     whole = both(file)
@@ -32,10 +34,7 @@ def read(file: Path = EXAMPLE) -> Task:
 
 def both(file: Path = EXAMPLE) -> Task:
     """Return the example's task as it is."""
-    report = Report()
-    task = load_task(str(file), report)
-    assert task is not None, [d.message for d in report.found]
-    return task
+    return examples.read(file)
 
 
 def look(
