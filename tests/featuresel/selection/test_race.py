@@ -30,14 +30,17 @@ FINE, COARSE, BEHIND = ("circle_caliper",), ("otsu",), ("otsu", "circle_caliper"
 BLIND = ("otsu", "tooth_notch")  # there are no teeth on a post
 
 
+CUT_PX = 64  # on each side, of a region of 200 x 200 pixels
+
+
 @pytest.fixture
 def post(look: Look) -> LookCase:
     """Return the post in a small region, to be found within .09 um."""
     case = look("post")
-    window = Window(row=case.window.row + 50, column=case.window.column + 50,
-                    rows=100, columns=100)  # fmt: skip
+    window = Window(row=case.window.row + CUT_PX, column=case.window.column + CUT_PX,
+                    rows=200 - 2 * CUT_PX, columns=200 - 2 * CUT_PX)  # fmt: skip
     target = replace(
-        case.target, column=case.target.column - 50, row=case.target.row - 50
+        case.target, column=case.target.column - CUT_PX, row=case.target.row - CUT_PX
     )
     return replace(case, window=window, target=target, tolerance_um=0.09)
 
