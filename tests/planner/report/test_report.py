@@ -25,6 +25,7 @@ from microplan.schemas.plan import Look, Plan, Reason, Step, VerifyAction, dump_
 from microplan.schemas.plan.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
+from tests.planner.few_trials import MAX_IMAGE_ERROR
 
 EVIL = "<script>alert(1)</script>"
 
@@ -76,7 +77,7 @@ def test_one_fit_has_one_capture_radius(folder: ReportedPlan, page: Page) -> Non
     assert "cut off at" not in " ".join(_do(page))
     assert "0.045\u202f\u00b5N" in text
     assert "0.045 to 0.045" not in text
-    assert "0.05 unit contrast" in text
+    assert f"{MAX_IMAGE_ERROR} unit contrast" in text
 
 
 def _do(page: Page) -> list[str]:
@@ -209,10 +210,10 @@ def test_the_methods_tell_what_was_aimed_at_and_what_is_left(
     folder: ReportedPlan,
 ) -> None:
     said = write(methods(folder))
-    assert "each effect was to stay within 0.05 of unit contrast" in said
+    assert f"each effect was to stay within {MAX_IMAGE_ERROR} of unit contrast" in said
     rows = [row for look in folder.looks for row in look.effects]
     left = max(r.predicted_error or 0 for r in rows if r.unit == "unit contrast")
-    assert left > 0.05
+    assert left > float(MAX_IMAGE_ERROR)
     assert f"up to {left:.2g} is left" in said
     loose = replace(folder.plan.provenance, max_image_error=left)
     found = methods(replace(folder, plan=replace(folder.plan, provenance=loose)))
