@@ -21,8 +21,7 @@ from microplan.optics.transfer.models import MODELS
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.cli.arguments import LAWS
 from microplan.planner.cli.main import main
-from microplan.planner.looks.compile_look import compile_look
-from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import reference_image
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
@@ -80,7 +79,9 @@ def test_a_trial_is_rebuilt_bit_for_bit(
         map=recorder,
     )
     low, _ = task.workcell.optics.magnification
-    assert compile_look(task, look, effects, low, report) is not None
+    problem = LookProblem(task=task, request=look, context=effects, begun=Begun())
+    tried = problem.evaluate(views(task, look, low, report)[0])
+    assert tried.comparison.selection.chosen is not None
     assert recorder.case is not None
     assert len(recorder.trials) >= TRIALS
     for index in (0, 3, 22):  # the third of each four is an extreme
