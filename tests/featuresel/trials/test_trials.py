@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import cache
 from multiprocessing import get_context
 
 import pytest
@@ -20,9 +21,23 @@ from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.chains import chains
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.tolerance_search import usable_range
-from microplan.featuresel.trials.trials import is_wrong, prepare, run, start
+from microplan.featuresel.trials.trials import (
+    PreparedRoutines,
+    is_wrong,
+    prepare,
+    run,
+    start,
+)
+from tests.featuresel.conftest import CASES
 
 Look = Callable[[str], LookCase]
+
+
+@cache
+def prepared(name: str) -> PreparedRoutines:
+    """Return all chains of a named look, ready for trials."""
+    case = CASES[name]()
+    return prepare(case, chains(case.target))
 
 
 @pytest.mark.slow
@@ -38,17 +53,15 @@ def test_a_process_pool_gives_the_same_outcomes(look: Look) -> None:
 
 
 def test_fewer_chains_or_trials_change_no_outcome(look: Look) -> None:
-    case = look("find_gear")
-    all_chains = chains(case.target)
-    whole = run(case, prepare(case, all_chains), design(case, 4, 1))
-    chain = all_chains[0]
+    case, all_prepared = look("find_gear"), prepared("find_gear")
+    whole = run(case, all_prepared, design(case, 4, 1))
+    chain = all_prepared.chains[0]
     part = run(case, prepare(case, [chain]), design(case, 2, 1))
     assert part == whole.by(chain)[:2]
 
 
 def test_outcomes_are_those_of_the_chain_the_executor_runs(look: Look) -> None:
-    case = look("find_gear")
-    ready = prepare(case, chains(case.target))
+    case, ready = look("find_gear"), prepared("find_gear")
     trial = design(case, 4, 1)[3]
     picture = image(case, trial)
     for outcome in run(case, ready, [trial]):
@@ -95,8 +108,7 @@ def test_each_look_of_the_job_finds_a_chain_without_silent_failures(
 ) -> None:
     case = look(name)
     limit = math.radians(1) if name == "find_gear" else None
-    case = replace(case, tolerance_theta_rad=limit)
-    ready = prepare(case, chains(case.target))
+    case, ready = replace(case, tolerance_theta_rad=limit), prepared(name)
     scores = score(case, ready, run(case, ready, design(case, 24, 1998)))
     found = select(scores, Constraints(tolerance_um=1.0, tolerance_theta_rad=limit))
     assert found.chosen is not None, found.advice

@@ -9,7 +9,7 @@ import pytest
 from tests.planner.measure.small_look import fewer_trials
 
 
-@pytest.fixture(autouse=True, scope="package")
+@pytest.fixture(autouse=True, scope="module")
 def _fewer_trials() -> Iterator[None]:
     """Spend little on how a part is found: what is measured then does not tell."""
     with fewer_trials():
