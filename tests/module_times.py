@@ -16,29 +16,34 @@ from typing import Any
 import pytest
 
 SHOWN = 10
-# modules of some ten seconds and more of CPU, slowest first: `--module-times` has them
+# modules of some six seconds and more, waiting included, slowest first:
+# `--module-times` has them
 SLOWEST = (
     "tests/browser/test_pages.py",
     "tests/planner/source/test_diagnostic_pages.py",
-    "tests/project/test_walks.py",
-    "tests/project/test_wheel.py",
-    "tests/planner/plan/test_cached_compile.py",
-    "tests/planner/measure/test_part.py",
-    "tests/planner/plan/test_compile.py",
-    "tests/optics/layers/solids/test_solid_images.py",
-    "tests/executor/cli/test_main.py",
-    "tests/executor/whole_runs/test_fault_matrix.py",
-    "tests/executor/whole_runs/test_closed_loop.py",
-    "tests/featuresel/routines/test_contract.py",
     "tests/executor/record/test_run_folder.py",
-    "tests/featuresel/routines/contour/test_polarity.py",
-    "tests/planner/looks/test_coarse_to_fine.py",
     "tests/executor/test_diagnostic_pages.py",
-    "tests/planner/measure/test_marks.py",
-    "tests/optics/render/test_fidelity.py",
-    "tests/planner/looks/test_compile_look.py",
-    "tests/planner/task/test_second_reader.py",
+    "tests/executor/serial/test_serial.py",
+    "tests/planner/plan/test_cached_compile.py",
+    "tests/executor/whole_runs/test_fault_matrix.py",
+    "tests/project/test_walks.py",
+    "tests/optics/layers/solids/test_solid_images.py",
+    "tests/planner/calibration/through_focus/test_focus_series.py",
+    "tests/project/test_wheel.py",
     "tests/executor/micromanager/test_micromanager_run.py",
+    "tests/executor/whole_runs/test_closed_loop.py",
+    "tests/planner/looks/test_coarse_to_fine.py",
+    "tests/executor/cli/test_replay.py",
+    "tests/planner/plan/test_compile.py",
+    "tests/executor/cli/test_main.py",
+    "tests/executor/whole_runs/test_stated_lens.py",
+    "tests/featuresel/routines/likelihood/test_side_of_focus.py",
+    "tests/featuresel/routines/likelihood/test_foreground_model.py",
+    "tests/featuresel/routines/likelihood/test_occluder_modes.py",
+    "tests/planner/tradeoff/test_task_tradeoff.py",
+    "tests/executor/micromanager/test_micromanager.py",
+    "tests/planner/looks/test_compile_look.py",
+    "tests/planner/measure/test_marks.py",
 )
 
 _spent: dict[str, list[float]] = {}  # module -> CPU s, wall s

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from shapely.geometry import MultiPolygon
 
 from benchmarks.real.twin_parts import PARTS
 from benchmarks.real.twin_pictures import (
@@ -44,7 +45,9 @@ def _fewer_trials() -> Iterator[None]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the drawing of nine dots and a workcell."""
     found = tmp_path_factory.mktemp("marks")
-    write_part(found, DOTS.shape.simplify(CORNERS_UM))
+    few_corners = DOTS.shape.simplify(CORNERS_UM)
+    assert isinstance(few_corners, MultiPolygon)
+    write_part(found, few_corners)
     return found
 
 
