@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -16,8 +17,10 @@ from microplan.optics.outline.outline import Outline, flatten
 CHORD_UM = 0.02
 # Chords of opposite arcs make the width dip by up to twice the chord tolerance.
 DIMPLE_UM = 2 * CHORD_UM
+_KEPT = 256  # outlines whose shapes are kept: each step asks for those of all parts
 
 
+@lru_cache(maxsize=_KEPT)
 def polygon(outline: Outline) -> BaseGeometry:
     """Return `outline` as a (multi)polygon, arcs within CHORD_UM of the truth."""
     rings = [flatten(ring, CHORD_UM) for ring in outline.rings]
@@ -35,6 +38,7 @@ def polygon(outline: Outline) -> BaseGeometry:
     return solid.difference(shapely.union_all(holes)) if holes else solid
 
 
+@lru_cache(maxsize=_KEPT)
 def hull(outline: Outline) -> BaseGeometry:
     """Return the convex hull of `outline`."""
     convex: BaseGeometry = polygon(outline).convex_hull
