@@ -172,7 +172,7 @@ def thinned(rays: int, finer: float, power: int = THIN) -> int:
     """
     if finer >= 1:
         return rays
-    side = max(round(math.sqrt(rays) * finer ** (power / 2)), _LEAST)
+    side = max(round(math.sqrt(rays * finer**power)), _LEAST)
     return side * side
 
 
