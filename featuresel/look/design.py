@@ -23,9 +23,9 @@ from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.featuresel.look.unknown_surfaces import random_shares
 from microplan.optics.lens.lens import LensErrors
 
-# A quarter of all trials are corners: of so many each fourth of the first, and all that
-# follow until the design is complete. So a choice need not wait for it.
-_CYCLE, _MIXED, COMPLETE = 64, 32, 40
+# A quarter of all trials are corners: of each cycle every fourth of the first, and all
+# that follow until half of the two-level design's runs are made.
+_CYCLE, _MIXED, HALF_DESIGN = 64, 32, 40
 _EVERY = 4
 DRAWN_SIGMAS = 4.0  # where normal draws end: .1 % of the variance is left out
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
@@ -139,10 +139,11 @@ def design(case: LookCase, count: int, root_seed: int) -> Design:
     Trial k depends on the case, `root_seed` and k alone: other routines, cases or
     counts change none. Three of four are random: scrambled Sobol points mapped to the
     workcell's own spreads, `LookCase.drawn`. The others are corners of what is tried,
-    `LookCase.spread`, by a folded two-level design (2 sigma in focus, zoom and angle,
-    the ends of the light's and the noise's intervals, nine tenths to all of
-    `search_um`), whose 16 runs are among the first `COMPLETE`. A standard deviation of
-    zero leaves its axis at rest and the others where they were.
+    `LookCase.spread`, by a folded two-level design of 32 runs (2 sigma in focus, zoom
+    and angle, the ends of the light's and the noise's intervals, nine tenths to all of
+    `search_um`). The first 16 are among the first `HALF_DESIGN` trials, their mirror
+    images, with less noise, among the next as many. A standard deviation of zero leaves
+    its axis at rest and the others where they were.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
 def _corners(count: int) -> int:
     """Return how many of the first `count` trials are corners."""
     cycles, left = divmod(count, _CYCLE)
-    mixed, alone = min(left, _MIXED), min(max(left - _MIXED, 0), COMPLETE - _MIXED)
+    mixed, alone = min(left, _MIXED), min(max(left - _MIXED, 0), HALF_DESIGN - _MIXED)
     return cycles * (_CYCLE // _EVERY) + mixed // _EVERY + alone
 
 

@@ -35,7 +35,7 @@ from microplan.optics.render.view_range import Range
 # of all rays by less than a third of what walls change (tested), and take a fraction of
 # the time.
 RAYS = 0.5
-_FLAT = 0.7  # the same where trials draw no walls, of pairs: these charge for them
+_FLAT = 0.7  # of pairs of images that charge for walls, where trials draw none
 # `Sampling.walls` of trials whose focus lies in the target's body, so many depths of
 # field, n wavelength / A^2, below its top: what its walls hide beside it changes within
 # a few um there, and chains find edges where points are too far apart (tested)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from microplan.featuresel.look.design import COMPLETE
+from microplan.featuresel.look.design import HALF_DESIGN
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits, by_cost
 from microplan.featuresel.selection.select import independence
@@ -168,12 +168,16 @@ class Elimination:
 
         Where no number of trials that may be made would prove it.
         """
-        if self.most is None or first.trials < COMPLETE:
+        if self.most is None or first.trials < HALF_DESIGN:
             return False
         level = 1 - (1 - CONFIDENCE) / self.interim_tests
         if success_lower(self.most, self.most, level) >= self.limits.success:
             return False
-        spare = [s for s in left if s.principle != first.principle]
+        spare = [
+            s
+            for s in left
+            if s.principle != first.principle and at_most(s.cost, self.limits.cost)
+        ]
         return first.success == first.trials and any(
             s.success == s.trials and self.meets(s) for s in spare
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.featuresel.features.feature import seen_share
 from microplan.featuresel.limits.crlb import limit_um
-from microplan.featuresel.look.design import COMPLETE
+from microplan.featuresel.look.design import HALF_DESIGN
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
@@ -25,7 +25,7 @@ from microplan.featuresel.trials.trial_cache import Known, Looks
 from microplan.featuresel.trials.trials import Map, PreparedRoutines, prepare
 
 # trials at the end of each; most chains leave early
-ROUNDS = (8, 24, COMPLETE, 64, 304, 1024)
+ROUNDS = (8, 24, HALF_DESIGN, 64, 304, 1024)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,8 @@ from microplan.optics.lens.sensor import CountArray, linear
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 _AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
-# Of so many trials the first so many tell what moved their answers, which is a part of
-# sigma alone; of both models, which take turns.
+# Of every four trials the first two tell what moved their answers: half are enough for
+# a part of sigma, and these have both models equally often.
 _TELLING = 4, 2
 
 # An answer more than this many tolerances off is wrong. A chain that only just passes

@@ -40,6 +40,7 @@ from microplan.optics.transfer.microscope import Microscope
 SHADED_ERROR = 0.014
 _USUAL = Sampling()
 _PROBES = 64  # large pixels a side
+_FAR = 2.25  # power of rays that is left of the light out where mirrored rays end alone
 
 
 def render_coaxial(
@@ -159,7 +160,7 @@ def _image(
     if sampling.rays == 0:
         return image
     lamp = replace(microscope, aperture=lamp_aperture or microscope.aperture)
-    few = min(sampling.rays, sampling.rays**1.5)  # only mirrored rays end out there
+    few = min(sampling.rays, sampling.rays**_FAR)
     far_light = partial(
         solid_share, [c.layer for c in everything], lamp=lamp, finer=few
     )

@@ -90,8 +90,8 @@ class Repeatability:
     bias_theta_rad: float | None = None  # mean error of the angle; nobody takes it off
     half_width_theta_rad: float | None = None  # of the angle's bias, two-sided 95 %
     # root mean square of what discrepancies of pictures move answers by, target's
-    # frame: that part of `sigma_um` no average of frames makes smaller; None: it is not
-    # known. Added after 2.6
+    # frame: that part of `sigma_um` no average of frames makes smaller, by half of the
+    # trials; None: it is not known. Added after 2.6
     trueness_um: tuple[float, float] | None = None
     trueness_rad: float | None = None  # of the angle, as `trueness_um`
 

@@ -94,13 +94,15 @@ def _lend_machine_code(package: Path) -> None:
     It is taken for what is installed if the module has its size and time.
     """
     for code in (ROOT / "optics").rglob("__pycache__/*.nb[ic]"):
+        module = code.parents[1] / f"{code.name.partition('.')[0]}.py"
+        if not module.exists():
+            continue  # it has another name now
         there = package / code.relative_to(ROOT)
         there.parent.mkdir(exist_ok=True)
         shutil.copy(code, there)
-        module = Path(f"{code.name.partition('.')[0]}.py")
-        times = (code.parents[1] / module).stat()
+        times = module.stat()
         ns = (times.st_atime_ns, times.st_mtime_ns)
-        os.utime(there.parents[1] / module, ns=ns)
+        os.utime(there.parents[1] / module.name, ns=ns)
 
 
 def _foreign(folder: Path, name: str) -> Path:

@@ -164,7 +164,7 @@ def _meet(
 def _read(
     values: Float32Array, at: int, n: int, met: Float32Array, f: int, first: int
 ) -> None:
-    """Read a run of values."""
+    """Read a run of values, in place."""
     run, out = values[at : at + n], met[f, first : first + n]
     for i in range(n):
         out[i] = run[i]
@@ -181,7 +181,7 @@ def _read_between(
     f: int,
     first: int,
 ) -> None:
-    """Read the same linear between points, shares of a column and a row on."""
+    """Read the same linear between points, shares of a step on, in place."""
     u, v = share
     high = values[at : at + n + 1]
     low = values[at + columns : at + columns + n + 1]

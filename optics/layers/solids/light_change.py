@@ -28,7 +28,6 @@ from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
 _FINEST_UM, _A_BLUR, _SIDE = 6.0, 8, 40  # of points at which light is traced
-_FAR = 1.5  # power of `finer` that counts where light is not seen straight
 
 
 def light_changes(
@@ -99,10 +98,8 @@ def solid_share(
 ) -> LightTable:
     """Return the light that reaches a height past solid bodies, all over an area.
 
-    Arguments as in `solid_light`. Where mirrored rays end it is seen of many points
-    together: of trials' images it may err by more.
+    Arguments as in `solid_light`.
     """
-    finer **= _FAR
     side = max(area[2] - area[0], area[3] - area[1])
     lattice = Lattice.over(area, max(_FINEST_UM, side / _SIDE) / finer, more=0)
     over = [layer for layer in layers if layer.z_um > z_um]

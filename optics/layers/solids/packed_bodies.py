@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from threading import Lock
 
 import numpy as np
 
@@ -21,31 +22,39 @@ class _Pool:
     values: Float32Array = field(default_factory=lambda: np.zeros(0, dtype=np.float32))
     used: int = 0
     first: dict[DistanceGrid, int] = field(default_factory=dict)  # where each begins
+    lock: Lock = field(default_factory=Lock)
 
-    def hold(self, grids: Sequence[DistanceGrid]) -> None:
-        """Take grids that are not held; where room ends, these alone are kept."""
-        new = [grid for grid in dict.fromkeys(grids) if grid not in self.first]
-        size = sum(grid.values.size for grid in new)
-        if new and (self.used + size) * self.values.itemsize > _POOL_BYTES:
-            self.first, self.used, self.values = {}, 0, self.values[:0]
-            new = list(dict.fromkeys(grids))
-            size = sum(grid.values.size for grid in new)
-        if self.used + size > self.values.size:
-            # what was handed out stays as it is
-            room = np.zeros(2 * (self.used + size), dtype=np.float32)
+    def hold(self, grids: Sequence[DistanceGrid]) -> tuple[Float32Array, list[int]]:
+        """Return all that is held, (N,) um, and where each of some grids begins.
+
+        Where room ends, these alone are kept. What was returned before stays as it is.
+        """
+        with self.lock:
+            new = [grid for grid in dict.fromkeys(grids) if grid not in self.first]
+            if new and self._bytes(new) > _POOL_BYTES:
+                self.first, self.used, self.values = {}, 0, self.values[:0]
+                new = list(dict.fromkeys(grids))
+            self._take(new)
+            found = self.values[: self.used]
+            found.setflags(write=False)
+            return found, [self.first[grid] for grid in grids]
+
+    def _bytes(self, more: Sequence[DistanceGrid]) -> int:
+        size = self.used + sum(grid.values.size for grid in more)
+        return size * self.values.itemsize
+
+    def _take(self, new: Sequence[DistanceGrid]) -> None:
+        """Take grids that are not held."""
+        size = self._bytes(new) // self.values.itemsize
+        if size > self.values.size:
+            most = _POOL_BYTES // self.values.itemsize
+            room = np.zeros(min(2 * size, max(size, most)), dtype=np.float32)
             room[: self.used] = self.values[: self.used]
             self.values = room
         for grid in new:
-            self.first[grid] = self.used
-            self.values[self.used : self.used + grid.values.size] = grid.values.ravel()
-            self.used += grid.values.size
-
-    @property
-    def held(self) -> Float32Array:
-        """Return all of it, (N,) um, not to be changed."""
-        found = self.values[: self.used]
-        found.setflags(write=False)
-        return found
+            end = self.used + grid.values.size
+            self.values[self.used : end] = grid.values.ravel()
+            self.first[grid], self.used = self.used, end
 
 
 _POOL = _Pool()
@@ -58,15 +67,15 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
     steps, the grid's own place; top, underside, um; what its walls reflect; the grid's
     step, and how far its distances go, um.
     """
-    _POOL.hold([body.distance.grid for body in bodies])
+    grids, starts = _POOL.hold([body.distance.grid for body in bodies])
     numbers = np.empty((len(bodies), 12))
-    for row, body in zip(numbers, bodies, strict=True):
-        at = body.distance
-        (c, s), (x, y), (u, v) = at.turn, at.origin_um, at.corner_um
-        rows, columns = at.values.shape
+    for row, first, body in zip(numbers, starts, bodies, strict=True):
+        distance = body.distance
+        (c, s), (x, y) = distance.turn, distance.origin_um
+        (u, v), (rows, columns) = distance.corner_um, distance.values.shape
         row[:] = (
-            _POOL.first[at.grid], columns, rows, c / STEP_UM, s / STEP_UM,
+            first, columns, rows, c / STEP_UM, s / STEP_UM,
             -(c * x + s * y + u) / STEP_UM, -(c * y - s * x + v) / STEP_UM,
             body.top_um, body.under_um, body.wall_reflectance, STEP_UM, BEYOND_UM,
         )  # fmt: skip
-    return _POOL.held, numbers
+    return grids, numbers

@@ -127,7 +127,7 @@ def test_both_blur_laws_meet_interior_and_extremes(look: Look) -> None:
     trials = design(look("post"), 64, 3)
     for part in (False, True):
         laws = [t.model for t in trials if t.corner is part]
-        assert laws.count("hopkins") == laws.count("stokseth")
+        assert laws.count("hopkins") == laws.count("stokseth") == len(laws) / 2
     rough = design(replace(look("post"), model="product"), 8, 3)
     assert {t.model for t in rough} == {"product", "exact"}
 

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from microplan.featuresel.look.design import HALF_DESIGN
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Principle
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.selection.elimination import Elimination
 from microplan.featuresel.trials.bounds import estimate, failure_upper, success_lower
@@ -73,3 +75,39 @@ def test_in_a_set_one_direction_will_do(verdicts: Elimination) -> None:
     coarse = replace(both_ways(), x=estimate(ERRORS[:, 0] * 5))
     assert member.dominated(coarse, [one_way()]) == ""
     assert member.dominated(coarse, [both_ways("fine")]) != ""
+
+
+def shown(trials: int, wrong: int, principle: Principle, cost: float) -> ChainScore:
+    """Return what a chain with margin has shown in so many trials."""
+    right = trials - wrong
+    return replace(
+        both_ways(principle), principle=principle, trials=trials, success=right,
+        success_lower=success_lower(right, trials), cost=cost,
+        silent_upper=failure_upper(0, trials), angles=right,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("trials", "wrong", "spare", "most", "ends"),
+    [
+        (HALF_DESIGN, (0, 0), "area", 64, True),
+        (HALF_DESIGN, (1, 0), "area", 64, False),
+        (HALF_DESIGN, (0, 1), "area", 64, False),
+        (HALF_DESIGN, (0, 0), "edges", 64, False),  # nothing else to fall back on
+        (HALF_DESIGN - 1, (0, 0), "area", 64, False),
+        (HALF_DESIGN, (0, 0), "area", 1024, False),  # so many would prove it
+        (HALF_DESIGN, (0, 0), "area", None, False),
+    ],
+)
+def test_a_race_may_end_without_proof_where_two_principles_were_always_right(
+    verdicts: Elimination,
+    trials: int,
+    wrong: tuple[int, int],
+    spare: Principle,
+    most: int | None,
+    ends: bool,
+) -> None:
+    asked = replace(verdicts, most=most)
+    own, other = wrong
+    left = [shown(trials, own, "edges", 1.0), shown(trials, other, spare, 2.0)]
+    assert asked.is_decided(left) is ends

@@ -132,3 +132,18 @@ def test_a_body_that_hides_all_leaves_what_lies_below_out() -> None:
         scene, optics, focus_um=0.0, lamp_aperture=LAMP, window=WINDOW
     )
     np.testing.assert_allclose(found, 0.4, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("side", "finer", "rays"),
+    [(20, 1.0, 1024), (100, 1.0, 128), (400, 1.0, 64),
+     (20, 0.5, 512), (100, 0.5, 64), (200, 0.5, 32), (400, 0.5, 16)],
+)  # fmt: skip
+def test_trials_have_fewer_rays_the_more_points_there_are(
+    side: int, finer: float, rays: int
+) -> None:
+    lattice = Lattice(
+        step_um=1.0, window=Window(row=0, column=0, rows=side, columns=side)
+    )
+    assert ray_count(lattice, finer) == rays
+    assert ray_count(lattice, 2.0) == ray_count(lattice, 1.0)

@@ -122,7 +122,7 @@ def test_the_rate_of_a_run_stays_below_its_bound_as_often_as_it_says() -> None:
     assert above <= binom.ppf(0.999, SETS, 0.05)
 
 
-def test_the_doubt_is_split_and_over_the_terms() -> None:
+def test_failures_have_four_fifths_of_the_doubt_and_terms_the_rest() -> None:
     level = Level(confidence=0.9, terms=4)
     assert level.rate_doubt == pytest.approx(0.08)
     assert level.rate_doubt + 4 * level.term_doubt == pytest.approx(0.1)
