@@ -148,9 +148,12 @@ def test_trueness_is_what_pictures_without_noise_differ_by() -> None:
     sure = replace(case().sensor, full_well_e=1e9, read_noise_e=0.0, bits=16)
     quiet = replace(case(), sensor=sure)
     plain = replace(quiet, discrepancy=None)
+    telling = [o.trial for o in found.outcomes if o.moved_um is not None]
+    assert len(telling) == DRAWS // 2
+    trials = random_design(case(), DRAWS, 4)
     moved = [
-        place(image(quiet, each)) - place(image(plain, each))
-        for each in random_design(case(), DRAWS, 4)
+        place(image(quiet, trials[at])) - place(image(plain, trials[at]))
+        for at in telling
     ]
     expected = np.sqrt(np.square(moved).mean(axis=0))
     told = np.array(found.true(FROM_AFAR).um, dtype=np.float64)
