@@ -62,8 +62,8 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Artifacts, Worl
 
 
 def impatient(station: Station) -> Station:
-    """Return a station that waits half a second for an answer, longer for a frame."""
-    safety = replace(station.rules.safety, call_s=0.5, grab_s=1.5)
+    """Return a station that waits a second for an answer."""
+    safety = replace(station.rules.safety, call_s=1.0, grab_s=3.0)
     return replace(station, rules=replace(station.rules, safety=safety))
 
 
