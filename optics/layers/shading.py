@@ -40,7 +40,7 @@ from microplan.optics.transfer.microscope import Microscope
 SHADED_ERROR = 0.014
 _USUAL = Sampling()
 _PROBES = 64  # large pixels a side
-_FAR = 2.25  # power of rays that is left of the light out where mirrored rays end alone
+_FAR = 2.25  # power of `Sampling.rays` for light on what mirrored rays alone come to
 
 
 def render_coaxial(

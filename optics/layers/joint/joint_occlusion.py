@@ -30,7 +30,8 @@ from microplan.optics.transfer.microscope import Microscope
 # Rays a point, as many as the time allows: the errors of means fall nearly with their
 # number (`benchmarks/optics/shading.py`).
 _FEWEST, _MOST, _SAMPLES = 64, 1024, 1 << 21
-_THINNED, _ENOUGH = 16, 3 << 19  # the fewest of trials' images, where they are so many
+# of trials' images: the fewest a point, where all points have so many together
+_THINNED, _ENOUGH = 16, 3 << 19
 _FINEST = 2.0  # points: what is smaller is no mean
 _A_RAY = 5.0  # points of a face in the side of a ray's share of the pupil
 _COARSEST = 32.0  # steps of the lattice between them

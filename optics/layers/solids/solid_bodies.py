@@ -158,8 +158,11 @@ def straight_rays(lattice: Lattice, finer: float = 1.0, power: int = THIN) -> in
     return thinned(min(max(share, _FEWEST), _MOST), finer, power)
 
 
-def mirrored_rays(lattice: Lattice, finer: float = 1.0, power: int = THIN) -> int:
-    """Return how many rays of each point of a lattice are followed past walls."""
+def mirrored_rays(lattice: Lattice, finer: float, power: int) -> int:
+    """Return how many rays of each point of a lattice are followed past walls.
+
+    The last two as in `thinned`.
+    """
     rows, columns = lattice.shape
     side = math.isqrt(_FOLLOWED // (rows * columns))
     return thinned(min(max(side, _SIDES[0]), _SIDES[1]) ** 2, finer, power)

@@ -37,8 +37,8 @@ _ROUNDING_UM = 1e-6  # heights this close are one
 # What layers near focus hide, or show, of a field is left out of trials from so many
 # points off their edges: a spline feels 2 - sqrt(3) of a value less a point.
 _BEYOND = 4
-# Powers of `finer` that are left of rays: straight ones, and those that walls mirror
-# above focus and below. Images of trials err by about as much for the time of each.
+# Powers of `finer` that are left of rays: straight ones, which take the least time for
+# what they leave, and those that walls mirror above focus and below.
 _STRAIGHT, _ABOVE, _BELOW = 3, 5, 4
 
 
