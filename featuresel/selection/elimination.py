@@ -148,13 +148,17 @@ class Elimination:
         return max(place, _most(score, score.theta) / limit)
 
     def is_decided(self, left: Sequence[ChainScore]) -> bool:
-        """Return whether more trials cannot change the choice."""
+        """Return whether more trials cannot change the choice, or will hardly do so."""
         if not left:
             return True
         first = by_cost(left)[0]
-        if not at_most(self.use(first), self.limits.margin_share):
-            return False
-        return self._is_proved(first) or self._is_clear(first, left)
+        if self._has_room(first) and self._is_proved(first):
+            return True
+        return self._is_clear(left)
+
+    def _has_room(self, score: ChainScore) -> bool:
+        """Return whether a chain surely leaves room in every tolerance."""
+        return at_most(self.use(score), self.limits.margin_share)
 
     def _is_proved(self, score: ChainScore) -> bool:
         """Return whether its rates are shown to meet the limits."""
@@ -163,24 +167,41 @@ class Elimination:
             and score.silent_upper <= self.limits.silent_upper
         )
 
-    def _is_clear(self, first: ChainScore, left: Sequence[ChainScore]) -> bool:
+    def _is_clear(self, left: Sequence[ChainScore]) -> bool:
         """Return whether a chain was always right, and one to fall back on as well.
 
-        Where no number of trials that may be made would prove it.
+        Where no number of trials that may be made would prove it. What has failed more
+        often than all of these allow is not waited for.
         """
-        if self.most is None or first.trials < HALF_DESIGN:
+        if self.most is None:
             return False
+        allowed = (1 - self.limits.success) * self.most
         level = 1 - (1 - CONFIDENCE) / self.interim_tests
         if success_lower(self.most, self.most, level) >= self.limits.success:
             return False
-        spare = [
-            s
-            for s in left
-            if s.principle != first.principle and at_most(s.cost, self.limits.cost)
-        ]
-        return first.success == first.trials and any(
-            s.success == s.trials and self.meets(s) for s in spare
+        reliable = [s for s in left if at_most(s.trials - s.success, allowed)]
+        if not reliable:
+            return False
+        first, *others = by_cost(reliable)
+        return (
+            first.trials >= HALF_DESIGN
+            and _is_always_right(first)
+            and self._has_room(first)
+            and any(self._is_spare(s, first) for s in others)
         )
+
+    def _is_spare(self, score: ChainScore, first: ChainScore) -> bool:
+        """Return whether a chain that was always right may stand in for another."""
+        return (
+            score.principle != first.principle
+            and at_most(score.cost, self.limits.cost)
+            and _is_always_right(score)
+            and self.meets(score)
+        )
+
+
+def _is_always_right(score: ChainScore) -> bool:
+    return score.success == score.trials
 
 
 def _most(score: ChainScore, theta: Estimate | None) -> float:

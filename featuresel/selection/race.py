@@ -184,8 +184,8 @@ def race(
     The race ends when no chain is left, after `most` trials, or when a chain is proved
     good enough with room to spare and none that is cheaper is left. Where `ahead` is
     given and not even `most` trials would prove a rate of success, it is enough that
-    this chain and one of another principle were right in all of at least `HALF_DESIGN`
-    trials.
+    such a chain and one of another principle were right in all of at least
+    `HALF_DESIGN` trials. What failed too often for `most` trials does not hold it up.
 
     Parameters
     ----------

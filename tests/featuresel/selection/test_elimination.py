@@ -111,3 +111,20 @@ def test_a_race_may_end_without_proof_where_two_principles_were_always_right(
     own, other = wrong
     left = [shown(trials, own, "edges", 1.0), shown(trials, other, spare, 2.0)]
     assert asked.is_decided(left) is ends
+
+
+@pytest.mark.parametrize(
+    ("wrong", "ends"),
+    [(1, False), (2, True)],  # with .98 of 64 asked: it may pass yet, it cannot
+)
+def test_a_race_does_not_wait_for_a_chain_that_failed_too_often(
+    verdicts: Elimination, wrong: int, ends: bool
+) -> None:
+    asked = replace(verdicts, most=64)
+    left = [
+        shown(HALF_DESIGN, wrong, "template", 0.5),
+        shown(HALF_DESIGN, 0, "edges", 1.0),
+        shown(HALF_DESIGN, 0, "area", 2.0),
+    ]
+    assert asked.is_decided(left) is ends
+    assert not asked.is_decided(left[:2])  # the failed one is no spare
