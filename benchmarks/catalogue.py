@@ -39,7 +39,7 @@ from benchmarks.real import calibrations, gates, point_source, still_frames
 from benchmarks.rivals import compile_rival
 from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, kept_sigmas, promises
-from benchmarks.truth import pictures, planted, replayed
+from benchmarks.truth import pictures, planted, replayed, wave_shift
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     house.BENCHMARK,
@@ -54,6 +54,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     pictures.BENCHMARK,
     planted.BENCHMARK,
     replayed.BENCHMARK,
+    wave_shift.BENCHMARK,
     gates.BENCHMARK,
     still_frames.BENCHMARK,
     point_source.BENCHMARK,

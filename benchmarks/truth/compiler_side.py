@@ -134,21 +134,31 @@ def expected_errors(made: TrialCase, at_um: FloatArray) -> FloatArray:
     Of what the ledger has for layers the part that no ray shows, by the waves that it
     is predicted from, (N,) of full scale, >= 0.
     """
+    return np.abs(wave_changes_at(made, at_um))
+
+
+def wave_changes_at(
+    made: TrialCase, at_um: FloatArray, away_um: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
+    """Return what diffraction from body to body changes at points (N, 2), um.
+
+    (N,) of full scale, the target so far from its nominal place.
+    """
     case = made.case
     if not len(at_um) or case.lamp_aperture is None:
         return np.zeros(len(at_um))
-    shown = _shown(case)
+    shown = _shown(case, away_um)
     found = faces(shown, case.microscope, case.focus_um, case.window)
     rasters = probes(case.microscope, found, at_um, are_lit=True)
     light = light_shares(rasters, case.microscope, case.lamp_aperture, at_um, RAYS)
     changes = wave_changes(rasters, light, shown.background, case.microscope, at_um)
-    return case.light.gain * np.abs(changes)
+    return case.light.gain * changes
 
 
-def _shown(case: LookCase) -> Scene:
-    """Return a look's nominal scene as its lens shows it."""
-    nominal = scene(case, 0.0, 0.0, 0.0)
-    return lens_scene(nominal, case.microscope, case.lens, case.focus_um)
+def _shown(case: LookCase, away_um: tuple[float, float] = (0.0, 0.0)) -> Scene:
+    """Return a look's scene as its lens shows it, the target so far from nominal."""
+    placed = scene(case, *away_um, 0.0)
+    return lens_scene(placed, case.microscope, case.lens, case.focus_um)
 
 
 def predicted(made: TrialCase, *, by_waves: bool) -> float:
