@@ -53,9 +53,12 @@ class Answer:
     seconds: float
 
 
-def answers(way: str, seeds: int = SEEDS) -> list[Answer]:
-    """Return what a way tells of faces at drawn heights, poses and noise."""
-    return [_answer(way, seed) for seed in range(seeds)]
+def answers(way: str, seeds: int = SEEDS, bias_um: float = 0.0) -> list[Answer]:
+    """Return what a way tells of faces at drawn heights, poses and noise.
+
+    Of a sweep the plan states the bias.
+    """
+    return [_answer(way, seed, bias_um) for seed in range(seeds)]
 
 
 @cache
@@ -68,7 +71,7 @@ def pair_artifact() -> Artifact:
     return made
 
 
-def _answer(way: str, seed: int) -> Answer:
+def _answer(way: str, seed: int, bias_um: float) -> Answer:
     """Return one height."""
     rng = np.random.default_rng([77, seed])
     cell = build_cell(world(), seed)
@@ -84,7 +87,7 @@ def _answer(way: str, seed: int) -> Answer:
     )  # fmt: skip
     rig, look = _rig(cell), _look()
     try:
-        found = _height(way, rig, look, part)
+        found = _height(way, rig, look, part, bias_um)
     except ExecutorError:
         return Answer(error_um=None, sigma_um=0.0, seconds=0.0)
     return Answer(
@@ -94,12 +97,14 @@ def _answer(way: str, seed: int) -> Answer:
     )
 
 
-def _height(way: str, rig: Rig, look: Look, part: TargetSighting) -> Height:
+def _height(
+    way: str, rig: Rig, look: Look, part: TargetSighting, bias_um: float
+) -> Height:
     """Return a height by one way."""
     if way == "sweep":
         search = HeightSearch(
             look=look.id, expected_um=FACE_UM, within_um=WITHIN_UM,
-            focus_um=STOPS_UM, ring_radius_um=RING_UM,
+            focus_um=STOPS_UM, ring_radius_um=RING_UM, bias_um=bias_um,
         )  # fmt: skip
         return height_by_sweep(rig, search, look, part)
     fit = pair_artifact()

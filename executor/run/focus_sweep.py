@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.run.measure_target import TargetSighting, light_of
@@ -11,12 +11,10 @@ from microplan.executor.run.run_context import Rig
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess
 from microplan.schemas.plan import HeightSearch, Look
 
-# Half width of the scored ring over its radius: wide enough for the edge's blur some
-# tens of um out of focus, too narrow for the post inside a bore or the teeth outside.
-RING_HALF = 0.2
 # A peak lower than this many times the scores' noise is none: of 20 stops of noise the
 # highest is 3.7 above the lowest in half of all sweeps, 6.4 in one of 1000.
 LEAST_HEIGHT = 8.0
+_HALF = 1.96  # standard deviations of a two-sided 95 % half-width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +41,8 @@ def height_by_sweep(
 ) -> Height:
     """Return the height at which the part's face is sharpest, um.
 
-    Both ends of the sweep are taken twice, which gives the noise of a score.
+    Both ends of the sweep are taken twice, which gives the noise of a score. What the
+    lens is known to move the peak by is off it, `unbiased`.
 
     Raises
     ------
@@ -63,7 +62,8 @@ def height_by_sweep(
     noise = math.sqrt(sum(d * d for d in again) / len(again) / 2)
     curve = SharpnessCurve(focus_um=search.focus_um, scores=tuple(scores), noise=noise)
     rig.journal.write("focus_curve", look=look.id, curve=curve)
-    return peak_of(curve, part.target, rig.station.clock.now_s() - began_s)
+    found = peak_of(curve, part.target, rig.station.clock.now_s() - began_s)
+    return unbiased(found, search)
 
 
 def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
@@ -90,6 +90,15 @@ def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
         )
     return Height(
         z_um=found.z_um, sigma_um=found.sigma_um, seconds=seconds, curve=curve
+    )
+
+
+def unbiased(peak: Height, search: HeightSearch) -> Height:
+    """Return the height of the face whose image peaks there, by the plan's bias."""
+    return replace(
+        peak,
+        z_um=peak.z_um - search.bias_um,
+        sigma_um=math.hypot(peak.sigma_um, search.bias_half_width_um / _HALF),
     )
 
 
@@ -150,18 +159,15 @@ def _score_at(
 ) -> float:
     """Return how sharp the part's edges are with the focus at `focus_um`."""
     # as above
-    from microplan.featuresel.routines.focus.measures import ring_mask, tenengrad
+    from microplan.featuresel.routines.focus.measures import face_sharpness
 
     rig.set_view(look.view, focus_um=focus_um)
     look = rig.placed(look)
     counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
     image = light_of(counts, rig.plan.requirements)
-    mask = None
-    if search.ring_radius_um:
-        column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
-        radius_px = search.ring_radius_um / look.view.um_per_px
-        mask = ring_mask(counts.shape, column, row, radius_px, RING_HALF * radius_px)
+    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
+    radius_px = search.ring_radius_um / look.view.um_per_px
     try:
-        return tenengrad(image, mask)
+        return face_sharpness(image, column, row, radius_px)
     except ValueError as error:  # black, or the ring is out of the picture
         raise ExecutorError("MP853", f"{part.target}: {error}") from error

@@ -29,6 +29,10 @@ class HeightSearch:
     within_um: float  # how far off still counts as seated
     focus_um: tuple[float, ...]  # stops
     ring_radius_um: float  # the score is taken on edges about this radius; 0: all
+    # peak less height, by the stated wavefront: taken off the peak; added after 2.7
+    bias_um: float = 0.0
+    # of 95 %, by what is not known of the wavefront: in sigma; added after 2.7
+    bias_half_width_um: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,7 +58,7 @@ def check_version(data: Any) -> None:
         raise CodecError(f"format_version {error}") from error
 
 
-FORMAT_VERSION = "2.7"
+FORMAT_VERSION = "2.8"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

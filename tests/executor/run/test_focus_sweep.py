@@ -7,7 +7,15 @@ import pytest
 
 from benchmarks.focus.heights import answers
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.focus_sweep import LEAST_HEIGHT, SharpnessCurve, peak_of
+from microplan.executor.run.focus_sweep import (
+    LEAST_HEIGHT,
+    Height,
+    SharpnessCurve,
+    peak_of,
+    unbiased,
+)
+from microplan.schemas.codec import from_data
+from microplan.schemas.plan import HeightSearch
 
 STOPS = np.linspace(70.0, 130.0, 19)
 
@@ -74,3 +82,30 @@ def test_heights_on_the_cell_are_as_good_as_its_focus_repeats(
     for each in found:
         assert each.error_um is not None
         assert abs(each.error_um) < 4 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("more", "height_um", "sigma_um"),
+    [
+        ({}, 101.0, 0.3),  # of a plan before 2.8
+        ({"bias_um": -0.5, "bias_half_width_um": 0.784}, 101.5, 0.5),  # .784 = 1.96 .4
+    ],
+)
+def test_what_the_plan_states_is_off_the_peak_and_in_its_sigma(
+    more: dict[str, float], height_um: float, sigma_um: float
+) -> None:
+    data = {
+        "look": "x", "expected_um": 100.0, "within_um": 10.0, "focus_um": [90.0, 110.0],
+        "ring_radius_um": 0.0, **more,
+    }  # fmt: skip
+    peak = Height(z_um=101.0, sigma_um=0.3, seconds=1.0)
+    found = unbiased(peak, from_data(HeightSearch, data))
+    assert found.z_um == pytest.approx(height_um)
+    assert found.sigma_um == pytest.approx(sigma_um)
+
+
+def test_a_sweep_tells_its_height_without_the_plans_bias() -> None:
+    (plain,), (moved,) = answers("sweep", 1), answers("sweep", 1, bias_um=0.75)
+    assert plain.error_um is not None
+    assert moved.error_um is not None
+    assert moved.error_um == pytest.approx(plain.error_um - 0.75, abs=1e-9)
