@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,10 @@ from microplan.planner.assembly.holding import rests_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import axis_move
 from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.plan.sweep_bias import sweep_bias
+from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task, TaskStep
+from microplan.planner.task.workcell import WavefrontSpec
 from microplan.schemas import plan as p
 
 # A height sweep reaches this many limits to either side of the expected height.
@@ -24,7 +28,12 @@ SWEEP_BLUR_PX = 2.5
 LEAST_STOPS = 9
 
 
-def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
+def action_of(
+    task: Task,
+    here: StepState,
+    looks: Sequence[CompiledLook],
+    memo: Memo = EVERY_TIME,
+) -> p.Action:
     """Return the action of a step."""
     step, target = here.step, here.step.target or ""
     tool = step.tool or here.before.tool or ""
@@ -55,7 +64,7 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
         opening = step.opening_um or here.before.opening_um
         return p.ReleaseAction(target=owner_of(target), tool=tool, opening_um=opening)
     if step.verb == "verify":
-        return _verify(step, looks, _mating(task, step))
+        return _verify(task, step, looks, memo)
     return p.MoveAction()
 
 
@@ -72,18 +81,21 @@ def _mating(task: Task, verify: TaskStep) -> str:
 
 
 def _verify(
-    step: TaskStep, looks: Sequence[CompiledLook], mating: str
+    task: Task, step: TaskStep, looks: Sequence[CompiledLook], memo: Memo
 ) -> p.VerifyAction:
     """Return the verification: offset, height and an empty tool."""
     target, seat = looks[0], looks[1]
+    height = _height_search(target, step.height_within_um)
+    if height is not None:
+        height = _with_bias(height, target, task.workcell.optics.wavefront, memo)
     return p.VerifyAction(
-        target=mating,
+        target=_mating(task, step),
         on=step.on or "",
         look=target.look.id,
         seat_look=seat.look.id,
         within_um=step.within_um or 0.0,
         within_rad=step.within_rad,
-        height=_height_search(target, step.height_within_um),
+        height=height,
         empty=step.empty,
     )
 
@@ -107,3 +119,13 @@ def _height_search(
         focus_um=tuple(float(z) for z in stops),
         ring_radius_um=parameters.get("outer_um", parameters.get("radius_um", 0.0)),
     )
+
+
+def _with_bias(
+    search: p.HeightSearch, look: CompiledLook, stated: WavefrontSpec, memo: Memo
+) -> p.HeightSearch:
+    """Return the sweep with what the lens' wavefront moves its peak by."""
+    bias = memo.call(
+        sweep_bias, look.case, stated, search.focus_um, search.ring_radius_um
+    )
+    return replace(search, bias_um=bias.um, bias_half_width_um=bias.half_width_um)

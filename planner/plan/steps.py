@@ -177,7 +177,7 @@ def _step(
         irreversible=step.verb in IRREVERSIBLE,
         moves=tuple(axis_move(move.axes, move.to) for move in here.moves),
         looks=tuple(look.look for look in looks),
-        action=action_of(task, here, looks),
+        action=action_of(task, here, looks, context.memo),
         control=control,
         conditions=conditions_of(here),
         budget=budget,

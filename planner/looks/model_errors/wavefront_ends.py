@@ -3,12 +3,13 @@
 Of all terms these move what a look measures: coma moves any target, trefoil one whose
 edges do not look all ways alike, as tips of fingers. Astigmatism and spherical
 aberration of the same rms move answers of the examples' looks by less than a tenth of
-it, as both sides of a target do alike.
+it, as both sides of a target do alike; what they move is the focus.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from scipy import special
 
@@ -25,6 +26,9 @@ WAVEFRONT, UNKNOWN = "wavefront error", "unknown wavefront error"
 LIMITED = 1 / 14
 SHARED = 7  # terms that an unknown total is made of: Noll 5 to 11, all up to spherical
 MOVING = (8, 7, 10, 9)  # Noll's indices: coma along x and y, trefoil
+# astigmatism and spherical aberration, alike at opposite points of the pupil: without
+# one of such terms an image is as sharp so far above focus as below
+FOCUSING = (5, 6, 11)
 _HALF = 1.96  # standard deviations of a two-sided 95 % half-width
 
 
@@ -33,12 +37,7 @@ def unknown_wavefronts(stated: WavefrontSpec) -> tuple[Terms, ...]:
 
     Each about what is known, at one end of its interval; none where all is known.
     """
-    known = dict(stated.known)
-    return tuple(
-        tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
-        for noll, half in unknown_waves(stated).items()
-        if half > 0
-    )
+    return _ends(stated, unknown_waves(stated))
 
 
 def unknown_waves(stated: WavefrontSpec) -> dict[int, float]:
@@ -55,6 +54,22 @@ def unknown_waves(stated: WavefrontSpec) -> dict[int, float]:
         }
     most = LIMITED if stated.rms_waves is None else stated.rms_waves
     return dict.fromkeys(MOVING, total_share() * most)
+
+
+def unknown_focusing(stated: WavefrontSpec) -> tuple[Terms, ...]:
+    """Return wavefronts with each term by which the best focus may be wrong.
+
+    Each about what is known, at one end of its 95 % interval; none where all is known.
+    Of a total, the focus moves with one direction in the space of its terms, so that
+    the root of the sum of squares of what the ends move is the half-width of 95 %.
+    """
+    if stated.terms is not None:
+        # beside known ones, coma and trefoil change how sharp either side is, too
+        halves = {term.noll: _HALF * term.sigma_waves for term in stated.terms}
+    else:
+        most = LIMITED if stated.rms_waves is None else stated.rms_waves
+        halves = dict.fromkeys(FOCUSING, total_share() * most)
+    return _ends(stated, halves)
 
 
 def total_share() -> float:
@@ -89,6 +104,16 @@ def _row(effect: str, level: str, limit: float, reason: str) -> EffectRow:
         limit=limit,
         unit=CONTRAST,
         reason=reason or "none is stated",
+    )
+
+
+def _ends(stated: WavefrontSpec, halves: Mapping[int, float]) -> tuple[Terms, ...]:
+    """Return what is known, one term at a time larger by its half-width."""
+    known = dict(stated.known)
+    return tuple(
+        tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
+        for noll, half in halves.items()
+        if half > 0
     )
 
 

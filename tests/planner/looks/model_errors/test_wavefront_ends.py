@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from microplan.optics.transfer.zernike import zernike
 from microplan.planner.looks.model_errors.wavefront_ends import (
+    FOCUSING,
     LIMITED,
     MOVING,
     SHARED,
     UNKNOWN,
     WAVEFRONT,
     total_share,
+    unknown_focusing,
     unknown_wavefronts,
     wavefront_rows,
 )
@@ -95,3 +98,22 @@ def test_rows_are_open_as_far_as_there_is_anything(
     levels = ["imaged" if known else "off", "not modelled" if unknown else "off"]
     assert [row.level for row in rows] == levels
     assert words in " ".join(row.reason for row in rows)
+
+
+def test_what_moves_the_focus_is_alike_at_opposite_points_of_the_pupil() -> None:
+    half = total_share() * LIMITED
+    assert unknown_focusing(WavefrontSpec()) == tuple(((n, half),) for n in (5, 6, 11))
+    assert unknown_focusing(WavefrontSpec(rms_waves=0.0)) == ()
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(-0.7, 0.7, (2, 50))
+    for noll in (*FOCUSING, *MOVING):
+        sign = 1 if noll in FOCUSING else -1
+        np.testing.assert_allclose(zernike(noll, -x, -y), sign * zernike(noll, x, y))
+
+
+def test_all_stated_terms_with_a_sigma_may_move_the_focus() -> None:
+    ends = unknown_focusing(terms((8, 0.03, 0.01), (11, 0.04, 0.02), (22, 0.1, 0.0)))
+    assert [dict(end) for end in ends] == [
+        {8: pytest.approx(0.03 + 1.96 * 0.01), 11: 0.04, 22: 0.1},
+        {8: 0.03, 11: pytest.approx(0.04 + 1.96 * 0.02), 22: 0.1},
+    ]
