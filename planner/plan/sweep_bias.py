@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.look.perturb import as_tried
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import fresh
 from microplan.featuresel.routines.contract import Failure
@@ -62,11 +63,11 @@ def sweep_bias(
     if not (known or ends):
         return SweepBias()
     nearest = sorted(focus_um, key=lambda z: abs(z - case.focus_um))[:_STOPS]
-    stops = tuple(sorted(nearest))
+    stops, tried = tuple(sorted(nearest)), as_tried(case)
 
     @cache
     def peak_um(terms: Terms, turn_rad: float = 0.0) -> float:
-        seen = replace(case, microscope=replace(case.microscope, wavefront=terms))
+        seen = replace(tried, microscope=replace(case.microscope, wavefront=terms))
         found = focus_peak_um(seen, stops, radius_um=radius_um, turn_rad=turn_rad)
         return math.nan if found is None else found
 
