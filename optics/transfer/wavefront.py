@@ -24,6 +24,9 @@ _CELLS, _MOST_CELLS, _RATE = 24, 96, 0.16
 _RIM = 4  # points a side of a cell on the rim
 _DIRECTIONS = 12  # of edges round a disc: of three- and fourfold terms none is left
 _FREQUENCIES = 96  # at which an edge's profile is summed
+# Wavelengths over A: how far the middle of a pupil's error of .25 waves rms may tilt,
+# how close edges are looked at, and what Newton's last step is where it has settled.
+_FAR, _APART, _SETTLED = 6.0, 0.05, 1e-4
 
 
 def transfer_change(
@@ -116,13 +119,30 @@ def _lines(lens: Microscope) -> tuple[ComplexArray, ...]:
 def _edge_um(f: FloatArray, transfer: ComplexArray) -> float:
     """Return where an edge's image is half its step, um, by Newton's method.
 
-    1/2 + sum of Im(T exp(2 pi i f x)) / f / pi df is the image of a step at 0.
+    1/2 + sum of Im(T exp(2 pi i f x)) / f / pi df is the image of a step at 0. Where it
+    has fringes, the place is that of its steepest rise.
     """
-    x = 0.0
+    airy_um = 2 / float(f[-1])  # but for half a step
+    x, step = _halfway_um(f, transfer, 0.0)
+    if abs(step) > _SETTLED * airy_um or abs(x) > _FAR * airy_um:
+        places = np.arange(-_FAR, _FAR, _APART) * airy_um
+        waves = np.exp(2j * np.pi * np.outer(places, f))
+        level, slope = (waves @ (transfer / f)).imag, (waves @ transfer).real
+        rises = np.flatnonzero((level[:-1] <= 0) & (level[1:] > 0))
+        if rises.size:
+            steepest = rises[np.argmax(slope[rises])]
+            x, _ = _halfway_um(f, transfer, float(places[steepest]))
+    return x
+
+
+def _halfway_um(f: FloatArray, transfer: ComplexArray, x: float) -> tuple[float, float]:
+    """Return the place and the last step of Newton's method from a place on, um."""
+    step = 0.0
     for _ in range(4):
         waves = transfer * np.exp(2j * np.pi * f * x)
-        x -= float((waves.imag / f).sum() / (2 * np.pi * waves.real.sum()))
-    return x
+        step = float((waves.imag / f).sum() / (2 * np.pi * waves.real.sum()))
+        x -= step
+    return x, step
 
 
 def _weights(shifts: FloatArray, cells: int) -> FloatArray:

@@ -204,6 +204,35 @@ def test_under_a_pinhole_of_a_lamp_coma_is_its_middle_s_tilt() -> None:
     assert change.imag == pytest.approx(math.sin(2 * np.pi * u[0] * tilt), rel=0.1)
 
 
+def _coma(noll: int, rho: np.ndarray) -> np.ndarray:
+    """Return coma of the fourth and of the sixth order along x, of 1 wave rms."""
+    if noll == 8:
+        return math.sqrt(8) * (3 * rho**3 - 2 * rho)
+    return math.sqrt(12) * (10 * rho**5 - 12 * rho**3 + 3 * rho)
+
+
+@pytest.mark.parametrize(("noll", "waves"), [(8, 0.05), (8, -0.25), (16, 0.1)])
+def test_under_a_pinhole_of_a_lamp_edges_are_where_their_phases_meet(
+    noll: int, waves: float
+) -> None:
+    """A faint edge's waves beside the direct light: sin(2 pi (f x + W(f))) / f."""
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    rho, weights = (nodes + 1) / 2, weights / 2
+    at = np.arange(-6, 6, 0.01)  # wavelength / A
+    wanted = 0.0
+    for k in range(12):
+        c = math.cos(math.pi * k / 6)
+        phase = rho * at[:, None] + waves * c * _coma(noll, rho)
+        level = np.sin(2 * np.pi * phase) @ (weights / rho)
+        rise = np.where((level[:-1] <= 0) & (level[1:] > 0), np.diff(level), 0)
+        i = int(np.argmax(rise))  # the edge, not a fringe
+        wanted += c / 6 * (at[i] - 0.01 * level[i] / rise[i])
+    scope = replace(lens((noll, waves)), fill_factor=1e-6)
+    scope = replace(scope, lamp_aperture=0.02 * scope.aperture)
+    found = disc_shift_um(scope)[0] * scope.aperture / scope.wavelength_um
+    assert found == pytest.approx(wanted, rel=0.01)
+
+
 @pytest.mark.parametrize("noll", [7, 8])
 def test_a_disc_lies_where_a_twin_of_another_author_shows_it(noll: int) -> None:
     """A disc of 30 um in pixels of .375 um: the twin's contour is read between them."""
