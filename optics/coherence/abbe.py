@@ -13,6 +13,7 @@ from microplan.arrays import ComplexArray, FloatArray
 from microplan.optics.coherence.source import LightSource
 from microplan.optics.render.spectrum import Spectrum, Tile
 from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.zernike import terms_on_grid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +63,11 @@ def intensity(
     -------
     Spectrum
         Up to the incoherent cutoff along x and along y.
+
+    Notes
+    -----
+    Fields go as exp(i k z) upwards, to the lens: that of a body at z > 0, carried to
+    the plane in focus, has the phase of `microplan.optics.transfer.wavefront`.
     """
     grid = _OrderGrid.of(tile, microscope)
     masks = [1 - grid.cover(s, microscope) for s in sheets[1:]]
@@ -71,7 +77,7 @@ def intensity(
         field = look.first(grid, sheets[0], background)
         for sheet, mask in zip(sheets[1:], masks, strict=True):
             field = look.pass_by(grid, field, sheet, mask)
-        image = grid.transform(field)
+        image = grid.transform(look.through_lens(field))
         total += weight * (image.real**2 + image.imag**2)
     return Spectrum(tile=tile, values=grid.orders(total))
 
@@ -145,12 +151,13 @@ class _OrderGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SourcePoint:
-    """One source point: the orders that pass the pupil and their defocus phase."""
+    """One source point: the orders that pass the pupil, and their phases."""
 
     order: tuple[int, int]  # (k, j) of the block's middle, near the pupil's
     pupil: npt.NDArray[np.bool_]  # (2 K + 1, 2 J + 1)
     path: FloatArray  # same: phase of a um of defocus, rad
     light: float  # the same for the illumination
+    lens: ComplexArray | None  # (2 K + 1, 2 J + 1), of a wavefront error; None: without
 
     @classmethod
     def of(
@@ -173,6 +180,7 @@ class _SourcePoint:
             pupil=rho2 <= 1,
             path=wave * (n - high / (n + np.sqrt(n**2 - high))),
             light=wave * (n - low / (n + math.sqrt(n**2 - low))),
+            lens=_lens(microscope, u, v),
         )
 
     def first(
@@ -195,7 +203,7 @@ class _SourcePoint:
         mask: FloatArray,
     ) -> ComplexArray:
         """Return the block after a higher sheet has blocked and added its light."""
-        turn = np.exp(1j * sheet.z_um * self.path)
+        turn = np.exp(-1j * sheet.z_um * self.path)
         there = grid.transform(field * turn.conj()) * mask
         # the field lacks the carrier of the block's middle, and so does what is left
         kept = grid.back(there) * turn * self.pupil
@@ -207,8 +215,21 @@ class _SourcePoint:
         """Return what the pupil does to light that a sheet at a height sends back."""
         if z_um == 0:
             return self.pupil.astype(np.complex128)
-        turned: ComplexArray = self.pupil * np.exp(1j * z_um * (self.path + self.light))
+        phase = -z_um * (self.path + self.light)
+        turned: ComplexArray = self.pupil * np.exp(1j * phase)
         return turned
+
+    def through_lens(self, field: ComplexArray) -> ComplexArray:
+        """Return a block in the pupil as the lens' wavefront error leaves it."""
+        return field if self.lens is None else field * self.lens
+
+
+def _lens(microscope: Microscope, u: FloatArray, v: FloatArray) -> ComplexArray | None:
+    """Return the phase factors of a wavefront error at u (J,) and v (K,) in radii."""
+    if not microscope.wavefront:
+        return None
+    found: ComplexArray = np.exp(2j * np.pi * terms_on_grid(microscope.wavefront, u, v))
+    return found
 
 
 def _fast(least: int) -> int:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from microplan.arrays import ComplexArray, FloatArray
+from microplan.arrays import ComplexArray, FloatArray, Point
 from microplan.optics.coherence.abbe import (
     TransmissionSheet,
     band_per_um,
@@ -19,18 +20,21 @@ from microplan.optics.coherence.source import SAMPLES, disc_source
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import choose_tile, sample, to_world
 from microplan.optics.render.render import render
-from microplan.optics.render.sampling import margin_um
+from microplan.optics.render.sampling import halo_gain, margin_um, pixel_gain
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.spectrum import Spectrum, spectrum
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.otf import diffraction
+from microplan.optics.transfer.wavefront import disc_shift_um
+from microplan.optics.transfer.zernike import turns_of
 
 # From here on the difference from incoherent light falls as 1 / coherence, within 3e-4
 # of unit contrast (the edge's one-dimensional calculation, in the tests).
 FULL_COHERENCE = 4.0
 # as in `microplan.optics.render.render`: covers of one height above 1 by more overlap
 _OVERLAP = 0.01
+_LEAST_LAMP = 0.05  # over the lens' aperture: narrower ones show discs at one place
 
 
 def render_coherent(
@@ -51,7 +55,8 @@ def render_coherent(
     scene : Scene
         Layers in the world frame over a uniform background.
     microscope : Microscope
-        The optical setting; the camera's axis is the world's origin.
+        The optical setting, with its wavefront error and halo; the camera's axis is
+        the world's origin.
     focus_um : float
         World height of the plane in focus.
     coherence : float
@@ -86,6 +91,10 @@ def render_coherent(
     coherent light. A higher layer blocks what the objective collects from below it,
     in its own plane; light from below beyond the objective's aperture and the higher
     layer's shade are left out, which costs up to .14 where edges of two heights meet.
+    The wavefront error, with the signs of `microplan.optics.transfer.wavefront`, is the
+    objective's towards the camera: to light from a point of the source it does nothing
+    on the way in. Images are counted from `lit_disc_shift_um`, and the halo scatters
+    what the lens shows.
     Above `FULL_COHERENCE` the difference from the incoherent image is that at
     `FULL_COHERENCE`, scaled down.
 
@@ -153,10 +162,12 @@ def _full(
     band = band_per_um(world, microscope, coherence)
     spectra = [spectrum(layer.outline, world, band, box=box) for layer in layers]
     sheets = _sheets(layers, spectra, microscope, focus_um)
-    flat = len(sheets) == 1 and sheets[0].z_um == 0  # s and -s then give one image
-    source = disc_source(coherence, samples, half=flat)
+    flat = len(sheets) == 1 and sheets[0].z_um == 0
+    # s and -s then give one image, if the wavefront error is odd
+    odd = all(turns_of(noll) % 2 for noll, _ in microscope.wavefront)
+    source = disc_source(coherence, samples, half=flat and odd)
     seen = intensity(sheets, math.sqrt(scene.background), world, microscope, source)
-    pixels = sample(_camera(seen, microscope), tile)
+    pixels = sample(_camera(seen, microscope, coherence), tile)
     r0 = tile.rows.seen.start - frame.row
     c0 = tile.columns.seen.start - frame.column
     image[r0 : r0 + pixels.shape[0], c0 : c0 + pixels.shape[1]] = pixels
@@ -207,12 +218,32 @@ def _overlap(spectra: Sequence[Spectrum], microscope: Microscope) -> bool:
     return bool(total.max() > 1 + _OVERLAP)
 
 
-def _camera(seen: Spectrum, microscope: Microscope) -> ComplexArray:
-    """Integrate an intensity over pixels; (2 K + 1, J + 1) again."""
+def _camera(seen: Spectrum, microscope: Microscope, coherence: float) -> ComplexArray:
+    """Scatter an intensity into the halo, integrate it over pixels; (2 K + 1, J + 1).
+
+    Counted from where the lens shows the middle of a large disc in focus.
+    """
     J, K = seen.orders
-    side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
-    u = np.arange(J + 1) / seen.tile.width_um
-    v = np.r_[0 : K + 1, -K:0] / seen.tile.height_um
-    pixel = np.sinc(u * side) * np.sinc(v * side)[:, None]
-    values: ComplexArray = seen.values * pixel
-    return values
+    up = np.r_[0 : K + 1, -K:0]
+    across, along = pixel_gain(microscope, seen.tile, (J, K))
+    gain = across * along[:, None]
+    if microscope.halo is not None:
+        gain *= halo_gain(microscope, seen.tile, (J, K))
+    values = seen.values.astype(np.complex128) * gain[np.abs(up)]
+    if microscope.wavefront:
+        x_um, y_um = lit_disc_shift_um(microscope, coherence)
+        u, v = np.arange(J + 1) / seen.tile.width_um, up / seen.tile.height_um
+        values *= np.exp(2j * np.pi * (u * x_um + v[:, None] * y_um))
+    return np.asarray(values)
+
+
+def lit_disc_shift_um(microscope: Microscope, coherence: float) -> Point:
+    """Return where the lens shows the middle of a large disc in focus, (x, y) um.
+
+    By faint edges, which interfere with the direct light alone: as through a lamp as
+    wide as the condenser. From a coherence of 1 on it is where incoherent light shows
+    it. In coma of .05 waves edges of full contrast lie within .002 wavelength / A of
+    that from a coherence of .5 on, and within .02 below.
+    """
+    share = min(max(coherence, _LEAST_LAMP), 1.0)
+    return disc_shift_um(replace(microscope, lamp_aperture=share * microscope.aperture))

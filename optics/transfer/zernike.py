@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from microplan.arrays import FloatArray
 
 LEAST, MOST = 1, 22  # Noll indices: to spherical aberration of the sixth order
+_NODES = np.cos(np.pi * (np.arange(7) + 0.5) / 7)  # as many as powers of one axis
 
 
 def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -53,6 +55,37 @@ def zernike(noll: int, x: FloatArray, y: FloatArray) -> FloatArray:
     angle = m * np.arctan2(y, x)
     turn = np.cos(angle) if noll % 2 == 0 else np.sin(angle)
     return np.asarray(math.sqrt(2 * (n + 1)) * found * turn)
+
+
+def terms_on_grid(
+    terms: Iterable[tuple[int, float]], x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Return a sum of terms on the points of a grid.
+
+    Parameters
+    ----------
+    terms : iterable of (int, float)
+        Noll's index, waves rms.
+    x, y : (J,), (K,) float arrays
+        Columns and rows over the disc's radius.
+
+    Returns
+    -------
+    (K, J) float64 array
+        Waves: the polynomial of sixth degree through 7 x 7 points, which is the sum.
+    """
+    values = np.zeros((_NODES.size, _NODES.size))
+    for noll, waves in terms:
+        values += waves * zernike(noll, _NODES[None, :], _NODES[:, None])
+    along, up = (_weights(points) for points in (x, y))
+    return np.asarray(up @ values @ along.T)
+
+
+def _weights(points: FloatArray) -> FloatArray:
+    """Return the weights of values at `_NODES` in polynomials at points, (N, 7)."""
+    powers = np.vander(_NODES, increasing=True)
+    found = np.linalg.solve(powers.T, np.vander(points, _NODES.size, increasing=True).T)
+    return np.asarray(found.T)
 
 
 def turns_of(noll: int) -> int:

@@ -207,8 +207,8 @@ def test_under_a_pinhole_of_a_lamp_coma_is_its_middle_s_tilt() -> None:
 def _coma(noll: int, rho: np.ndarray) -> np.ndarray:
     """Return coma of the fourth and of the sixth order along x, of 1 wave rms."""
     if noll == 8:
-        return math.sqrt(8) * (3 * rho**3 - 2 * rho)
-    return math.sqrt(12) * (10 * rho**5 - 12 * rho**3 + 3 * rho)
+        return np.asarray(math.sqrt(8) * (3 * rho**3 - 2 * rho))
+    return np.asarray(math.sqrt(12) * (10 * rho**5 - 12 * rho**3 + 3 * rho))
 
 
 @pytest.mark.parametrize(("noll", "waves"), [(8, 0.05), (8, -0.25), (16, 0.1)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.optics.transfer.zernike import MOST, zernike
+from microplan.optics.transfer.zernike import MOST, terms_on_grid, zernike
 
 
 def disc() -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -44,6 +44,16 @@ def test_they_are_nolls_table(noll: int, at: tuple[float, float], value: float) 
     """Noll (1976), table I, in x = r cos(theta) and y = r sin(theta)."""
     found = zernike(noll, np.array(at[0]), np.array(at[1]))
     assert float(found) == pytest.approx(value, abs=1e-12)
+
+
+def test_a_sum_on_a_grid_is_the_sum_at_its_points() -> None:
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform(-1.1, 1.1, 9), rng.uniform(-1.1, 1.1, 7)
+    terms = [(noll, float(rng.normal())) for noll in range(1, MOST + 1)]
+    at = np.meshgrid(x, y)
+    expected = sum(waves * zernike(noll, *at) for noll, waves in terms)
+    np.testing.assert_allclose(terms_on_grid(terms, x, y), expected, atol=1e-11)
+    assert not terms_on_grid((), x, y).any()
 
 
 @pytest.mark.parametrize("noll", [0, MOST + 1, -3])
