@@ -15,6 +15,8 @@ from microplan.featuresel.look.scenario import LookCase, moved_layers
 from microplan.optics.coherence.coherence import render_coherent
 from microplan.optics.outline.offset import offset
 from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.zernike import turns_of
 from microplan.planner.calibration.condenser.edge_mean import edge_mean
 from microplan.planner.calibration.through_focus.edge_profile import (
     EdgePoints,
@@ -36,7 +38,8 @@ class CoherentProfiles:
     """Profiles of a white part on black, and of a black one on white; by coherence.
 
     With amplitudes a of the part and b around it light is a^2 own + b^2 around + a b
-    (1 - own - around): a field without edges is as bright everywhere.
+    (1 - own - around): a field without edges is as bright everywhere. Images have the
+    wavefront error and the halo that the workcell states.
     """
 
     nodes: FloatArray  # (S,) coherence, rising
@@ -138,7 +141,7 @@ def coherent_profiles(
     some = [nodes[k] for k in at]
     z_um = WAVES * scope.wavelength_um / abs(scope.rim_w20_um(1.0))
     grow_um = _GROWN * scope.wavelength_um / scope.aperture
-    blurred = _rows(points, pose, some, z_um=z_um)
+    blurred = _blurred(points, pose, some, z_um)
     grown = _rows(points, pose, some, grow_um=grow_um)
     if blurred is None or grown is None:
         return None
@@ -146,6 +149,25 @@ def coherent_profiles(
     more = (grown - moved_out(sharp[at], grow_px)) / grow_px
     changes = blurred - sharp[at], more
     return CoherentProfiles.of(np.array(nodes), sharp, np.array(some), changes)
+
+
+def tells_sides(microscope: Microscope) -> bool:
+    """Return whether edges above the plane in focus look otherwise than below it."""
+    return any(turns_of(noll) % 2 == 0 for noll, waves in microscope.wavefront if waves)
+
+
+def _blurred(
+    points: EdgePoints,
+    pose: tuple[float, float, float],
+    nodes: Sequence[float],
+    z_um: float,
+) -> FloatArray | None:
+    """Return profiles (S, 2, L) out of focus, the mean of both sides of it."""
+    above = _rows(points, pose, nodes, z_um=z_um)
+    if above is None or not tells_sides(points.case.microscope):
+        return above
+    below = _rows(points, pose, nodes, z_um=-z_um)
+    return None if below is None else (above + below) / 2
 
 
 def nodes_about(least: float, most: float) -> list[float]:
@@ -187,7 +209,7 @@ def _profile(
     case, (x_um, y_um, turn) = points.case, pose
     image = render_coherent(
         scene,
-        replace(case.microscope, wavefront=()),
+        case.microscope,
         focus_um=z_um,
         coherence=coherence,
         window=case.window,

@@ -320,7 +320,7 @@ def _untold(fit: CondenserFit) -> str:
     if fit.waves > _MOST_WAVES:
         how = "out of focus" if fit.defocus > 0 else "sharper than in focus"
         why = f"the edges are {how} by {fit.waves:.2g} waves at the pupil's rim"
-        return why + ", or the lens has aberrations, which these images lack"
+        return why + ", or the lens has aberrations that are not stated"
     ratio = fit.ratio.value
     if abs(1 - ratio) < _LEAST_CONTRAST * max(1.0, ratio):
         return f"its edges are too faint: amplitudes are 1 to {ratio:.3g}"

@@ -20,6 +20,7 @@ from microplan.planner.calibration.condenser.coherent_profiles import (
     MOST,
     CoherentProfiles,
     coherent_profiles,
+    tells_sides,
 )
 from microplan.planner.calibration.condenser.condenser_fit import (
     TAKE,
@@ -57,7 +58,8 @@ _COAXIAL = "coaxial"
 _WHITE = 0.998  # of full scale: a pixel that reaches it is cut off
 _CUT = 0.001  # of pixels, that a few odd ones have
 _STILL_PX = 1.5  # that a part at one place moves between settings
-_PERFECT = "coherent images lack the wavefront that the workcell states"
+_SIDES = "a defocus counts alike on both sides: by the wavefront that the workcell "
+_SIDES += "states they differ, and the side of focus is left out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +149,7 @@ def condenser_settings(
         ),
         notes=(
             *condenser_words(found, read, scaled=scaled),
-            *([_PERFECT] if points.case.microscope.wavefront else []),
+            *([_SIDES] if tells_sides(points.case.microscope) else []),
         ),
         curves=_curves(found, looks, table, aperture),
     )  # fmt: skip

@@ -63,7 +63,7 @@ def stated_doubts(
         if fit.offset_px.sigma is not None:
             message += ": the standard deviations are as much larger"
         hint = "are optics.numerical_aperture, camera.response and black_level right, "
-        hint += "the lens free of aberrations, the light below saturation?"
+        hint += "optics.wavefront that of the lens, the light below saturation?"
         report.warning(CODE, where, message, hint)
     far = []
     for setting in fit.settings:

@@ -31,10 +31,10 @@ SAMPLES = 7
 JUDGED = 0.005  # of the step: points of both sources, the period, cells that are means
 
 
-def scope(*terms: tuple[int, float], **changes: float) -> Microscope:
+def scope(*terms: tuple[int, float]) -> Microscope:
     """Return a lens with pixels that are points, 0.2 um apart."""
     fine = microscope(37.5, 61, 51)
-    return replace(fine, **{"fill_factor": 1e-6, **changes}, wavefront=terms)
+    return replace(fine, fill_factor=1e-6, wavefront=terms)
 
 
 def box(z_um: float = 0.0, reflectance: float = 1.0, background: float = 0.0) -> Scene:

@@ -51,11 +51,16 @@ class CondenserRig:
     camera: Camera = CAMERA
     faces: tuple[float, float] = (0.8, 0.1)  # reflectances of part and stage
     defocus_um: float = 0.0
+    zernike: tuple[tuple[int, float], ...] = ()  # Noll: waves rms
 
     @property
     def lens(self) -> Optics:
         """Return the lens in focus of the stage."""
-        return Optics(aperture=self.aperture, wavelength_um=self.wavelength_um)
+        return Optics(
+            aperture=self.aperture,
+            wavelength_um=self.wavelength_um,
+            zernike=dict(self.zernike),
+        )
 
 
 def frequencies() -> tuple[Floats, Floats]:

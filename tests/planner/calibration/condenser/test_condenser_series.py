@@ -157,6 +157,21 @@ def test_another_aperture_than_stated_is_in_the_deviations(
 
 
 @pytest.mark.slow
+def test_images_have_the_wavefront_error_that_is_stated(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terms = ((8, 0.08), (11, 0.05))
+    rows = ", ".join(f"{{noll: {noll}, waves: {waves}}}" for noll, waves in terms)
+    text = (folder / "grey.yaml").read_text(encoding="utf-8")
+    text = text.replace("optics:", f"optics:\n  wavefront: [{rows}]")
+    (folder / "coma.yaml").write_text(text, encoding="utf-8")
+    rig = etched(zernike=terms)
+    pictures = write_condenser(folder / "coma", rig, shots((0.3, 0.6)))
+    holds(told(folder, pictures, "coma"), (0.3, 0.6))
+    assert "the side of focus is left out" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_edges_out_of_focus_are_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
