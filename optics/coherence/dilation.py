@@ -1,7 +1,11 @@
-"""How far edges in focus move in partly coherent light: all alike, and by contrast."""
+"""How far edges in focus move in partly coherent light: all alike, and otherwise."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from microplan.arrays import FloatArray
+from microplan.optics.coherence.aberrated_edges import aberrated_offsets_um
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import edge_offset_um
 from microplan.optics.transfer.microscope import Microscope
@@ -26,16 +30,43 @@ def dilation_um(
     Returns
     -------
     (float, float)
-        um, >= 0. Of a coherence that is not stated 0 to `MOST_OFFSET` wavelength / A,
-        whatever the contrast.
+        um, below 0 only by a wavefront error: of edges all round a disc the middle, see
+        `uneven_um`. Of a coherence that is not stated 0 to `MOST_OFFSET` wavelength /
+        A, whatever the contrast, and what a wavefront error adds.
     """
     if coherence is None:
         return (0.0, 0.0)
     airy_um = microscope.wavelength_um / microscope.aperture
+    added = _added_um(coherence, microscope, contrast if coherence.is_stated else 1.0)
+    middle = (added.min(axis=1) + added.max(axis=1)) / 2
     if not coherence.is_stated:
-        return (0.0, MOST_OFFSET * airy_um)
-    found = [edge_offset_um(s, microscope, contrast) for s in coherence.samples]
-    return (min(found), max(found))
+        low, high = float(middle.min()), float(middle.max())
+        return (min(low, 0.0), MOST_OFFSET * airy_um + max(high, 0.0))
+    plain = [edge_offset_um(s, microscope, contrast) for s in coherence.samples]
+    found = np.array(plain) + middle
+    return (float(found.min()), float(found.max()))
+
+
+def uneven_um(
+    coherence: Coherence | None, microscope: Microscope, contrast: float
+) -> float:
+    """Return by how much edges of other directions move more or less, um.
+
+    Half of what a wavefront error makes them differ by, arguments as in `dilation_um`.
+    """
+    if coherence is None:
+        return 0.0
+    added = _added_um(coherence, microscope, contrast)
+    return float(np.ptp(added, axis=1).max()) / 2
+
+
+def _added_um(
+    coherence: Coherence, microscope: Microscope, contrast: float
+) -> FloatArray:
+    """Return what a wavefront error adds, (S, D) um, by coherence and direction."""
+    return np.array(
+        [aberrated_offsets_um(s, microscope, contrast) for s in coherence.samples]
+    )
 
 
 def differing_um(coherence: Coherence | None, microscope: Microscope) -> float:

@@ -47,7 +47,8 @@ def scene_error(
         radii, added up over the layers' heights. What `render_coherent` itself errs by,
         `microplan.optics.coherence.source.source_error`, comes on top. Measured on
         single bodies with some tens of edges; many that lie in a regular pattern may
-        interfere more.
+        interfere more. Through a perfect lens without a halo: a wavefront error is in
+        neither image.
 
     Raises
     ------
@@ -125,7 +126,9 @@ def edge_offset_um(
         with a quadratic defocus phase, rim-matched, read by piecewise cubics; above its
         last coherence the offset falls as 1 / coherence. Between its entries it errs by
         up to .006 wavelength / A within one wave of defocus and by .04 beyond, both
-        measured by `benchmarks.optics.coherence`. The pixel's width is left out.
+        measured by `benchmarks.optics.coherence`. The pixel's width is left out, and so
+        is the lens' wavefront error: see
+        `microplan.optics.coherence.aberrated_edges.aberrated_offsets_um`.
 
     Raises
     ------

@@ -87,17 +87,31 @@ def disc_shift_um(microscope: Microscope) -> tuple[float, float]:
     """
     if not microscope.wavefront:
         return 0.0, 0.0
-    lens, side = microscope, microscope.shown_side_um
-    f = lens.cutoff_per_um * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
     x = y = 0.0
-    for angle, line in zip(_angles(), _lines(lens.without_pixels), strict=True):
-        c, s = math.cos(angle), math.sin(angle)
-        off = _edge_um(f, line * np.sinc(f * c * side) * np.sinc(f * s * side))
-        x, y = x + 2 * c * off / _DIRECTIONS, y + 2 * s * off / _DIRECTIONS
+    places = edge_places_um(microscope).tolist()
+    for angle, off in zip(edge_angles_rad(), places, strict=True):
+        x += 2 * math.cos(angle) * off / _DIRECTIONS
+        y += 2 * math.sin(angle) * off / _DIRECTIONS
     return x, y
 
 
-def _angles() -> list[float]:
+def edge_places_um(microscope: Microscope) -> FloatArray:
+    """Return where edges in focus, at 0, are half way up, um along their normals, (D,).
+
+    Normals have the angles of `edge_angles_rad`; pixels are those of `disc_shift_um`.
+    """
+    lens, side = microscope, microscope.shown_side_um
+    f = lens.cutoff_per_um * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES
+    found = []
+    for angle, line in zip(edge_angles_rad(), _lines(lens.without_pixels), strict=True):
+        c, s = math.cos(angle), math.sin(angle)
+        pixel = np.sinc(f * c * side) * np.sinc(f * s * side)
+        found.append(_edge_um(f, line * pixel))
+    return np.array(found)
+
+
+def edge_angles_rad() -> list[float]:
+    """Return directions all round a disc, from x towards y."""
     return [2 * math.pi * k / _DIRECTIONS for k in range(_DIRECTIONS)]
 
 
@@ -107,7 +121,7 @@ def _lines(lens: Microscope) -> tuple[ComplexArray, ...]:
     cubics = _cubics(_overlap(lens, 0.0, _CELLS))
     shifts = 2 * _CELLS * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES  # in cells
     found = []
-    for angle in _angles():
+    for angle in edge_angles_rad():
         along, up = (
             _weights(shifts * part, _CELLS)
             for part in (math.cos(angle), math.sin(angle))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from microplan.optics.coherence.aberrated_edges import aberrated_offsets_um
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import amplitude_contrast, edge_offset_um
 from microplan.optics.transfer.microscope import Microscope
@@ -36,10 +37,13 @@ def coherence_words(
     if light is None:
         return
     contrast = amplitude_contrast(*faces)
+
+    def offset_um(coherence: float) -> float:
+        added = aberrated_offsets_um(coherence, scope, contrast)
+        return edge_offset_um(coherence, scope, contrast) + float(added.mean())
+
     sign = -1.0 if faces[0] > faces[1] else 1.0  # edges move into the bright side
-    moved = sorted(
-        sign * edge_offset_um(each, scope, contrast) for each in light.samples
-    )
+    moved = sorted(sign * offset_um(each) for each in light.samples)
     if light.least == light.most:
         said = f"coherence {light} moves edges by {moved[0]:+.3f} um"
         own, (known,) = offset.value - moved[0], offset.sigma

@@ -1,8 +1,9 @@
 """Displacement of a look's answer by coherence, measured on dilated outlines.
 
 Partly coherent light moves edges into their bright side, all edges of one contrast
-alike. How far is an interval, no standard deviation: the chosen chain measures images
-of outlines dilated by both of its ends, and what its answer moves by is a bias.
+alike but for what a wavefront error of the lens does. How far is an interval, no
+standard deviation: the chosen chain measures images of outlines dilated by both of its
+ends, and what its answer moves by is a bias.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from microplan.featuresel.trials.bias_prediction import PoseBias, predict_bias
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.trials import Map, PreparedRoutines
 from microplan.optics.coherence.degree import Coherence
-from microplan.optics.coherence.dilation import differing_um, dilation_um
+from microplan.optics.coherence.dilation import differing_um, dilation_um, uneven_um
 from microplan.optics.coherence.edge_offsets import amplitude_contrast
 from microplan.optics.ledger import NM
 from microplan.optics.outline.offset import offset
@@ -45,6 +46,7 @@ class CoherenceShift:
     rad: float = 0.0
     dilation_um: float = 0.0  # the greatest that was measured
     differing_um: float = 0.0  # of it what edges of other contrast may add
+    uneven_um: float = 0.0  # of it what edges of other directions may add
 
 
 def coherence_shift(
@@ -73,6 +75,8 @@ def coherence_shift(
     difference counts, in full as a half-width. A chain that gives no right answer there
     is charged the dilation itself. Where the target's edges have several contrasts,
     half of the greatest dilation is added: so much they may move against each other.
+    So is half of what edges of other directions differ by through a lens with a
+    wavefront error.
     """
     if coherence is None:
         return CoherenceShift()
@@ -93,25 +97,28 @@ def coherence_shift(
 
     plain = answer(0.0)
     moved_um, moved_rad = 0.0, 0.0
-    for end_um in sorted({end for end in ends if end > 0}):
+    for end_um in sorted({end for end in ends if end}):
         there = answer(end_um)
         if plain is None or there is None:
-            moved_um = max(moved_um, end_um)
+            moved_um = max(moved_um, abs(end_um))
             continue
         x, y, theta = (b - a for a, b in zip(plain, there, strict=True))
         moved_um, moved_rad = (
             max(moved_um, math.hypot(x, y)),
             max(moved_rad, abs(theta)),
         )
+    uneven = uneven_um(coherence, case.microscope, main)
+    moved_rad += uneven / max(reach_um(case), uneven) if uneven else 0.0
     more_um = 0.0
     if telling.size and (np.abs(telling - main) > _ALIKE).mean() > _SHARE:
         more_um = differing_um(coherence, case.microscope)
         moved_rad += more_um / max(reach_um(case), more_um)
     return CoherenceShift(
-        um=moved_um + more_um,
+        um=moved_um + more_um + uneven,
         rad=moved_rad,
-        dilation_um=max(ends),
+        dilation_um=max(map(abs, ends)),
         differing_um=more_um,
+        uneven_um=uneven,
     )
 
 
@@ -126,6 +133,8 @@ def moved_rows(
     words += f"{_NM_PER_UM * shift.dilation_um:.3g} nm"
     if shift.differing_um:
         words += f"; edges of other contrast {_NM_PER_UM * shift.differing_um:.3g} nm"
+    if shift.uneven_um:
+        words += f"; of other directions {_NM_PER_UM * shift.uneven_um:.3g} nm"
     return (
         EffectRow(
             effect="target moved by coherence",

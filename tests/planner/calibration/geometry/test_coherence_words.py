@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from microplan.optics.coherence.aberrated_edges import aberrated_offsets_um
 from microplan.optics.coherence.degree import Coherence
 from microplan.optics.coherence.edge_offsets import amplitude_contrast, edge_offset_um
 from microplan.optics.transfer.microscope import Microscope
@@ -44,6 +45,18 @@ def test_a_stated_coherence_is_taken_off_the_edges() -> None:
     )
     own = float(said.partition("own edges lie ")[2].partition(" +-")[0])
     assert own == pytest.approx(0.05 + moved, abs=1e-3)
+
+
+def test_what_a_wavefront_error_adds_is_taken_off_too() -> None:
+    light = Coherence(least=0.2, most=0.2)
+    found = []
+    for terms in ((), ((11, 0.05),)):
+        scope = replace(SCOPE, wavefront=terms)
+        (said,) = coherence_words(offset(0.05), (0.8, 0.0), scope, light)
+        found.append(float(said.partition("own edges lie ")[2].partition(" +-")[0]))
+    added = aberrated_offsets_um(0.2, scope, 1.0)  # of all directions alike
+    assert found[1] - found[0] == pytest.approx(added[0], abs=1.1e-3)
+    assert added[0] > 0.01
 
 
 def test_nothing_is_said_where_nothing_is_open() -> None:

@@ -66,6 +66,18 @@ def test_the_centre_of_a_circle_stays(post: LookCase) -> None:
     assert (none.um, none.rad, none.dilation_um) == (0.0, 0.0, 0.0)
 
 
+def test_edges_of_other_directions_add_half_of_what_they_differ_by(
+    post: LookCase,
+) -> None:
+    light, chain = Coherence(least=0.3, most=0.3), ("circle_caliper",)
+    coma = replace(post.microscope, wavefront=((8, 0.05),))
+    case = replace(post, microscope=coma, background=0.0)
+    found = coherence_shift(case, prepare(case, [chain]), chain, light, root_seed=1)
+    # .044 um the one side, .008 um the other (test_aberrated_edges)
+    assert found.uneven_um == pytest.approx(0.021, abs=0.004)
+    assert found.uneven_um <= found.um < found.uneven_um + 0.005
+
+
 def test_edges_of_other_contrast_add_half(post: LookCase) -> None:
     case = post
     assert np.ptp(edge_contrasts(case)) < 1e-9
