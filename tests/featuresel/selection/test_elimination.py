@@ -122,7 +122,7 @@ def test_a_race_does_not_wait_for_a_chain_that_failed_too_often(
 ) -> None:
     asked = replace(verdicts, most=64)
     left = [
-        shown(HALF_DESIGN, wrong, "template", 0.5),
+        shown(HALF_DESIGN, wrong, "area", 0.5),
         shown(HALF_DESIGN, 0, "edges", 1.0),
         shown(HALF_DESIGN, 0, "area", 2.0),
     ]
