@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
 from microplan.optics.outline.cell_areas import cells
@@ -24,6 +25,7 @@ STEP_UM = 0.5  # of the grid: a distance errs by half the diagonal, .35 um, at m
 BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more
 _TILE = 48  # points
 _WHOLE = 1 << 20  # points of a grid that an outline has all over, wherever it is wanted
+_CORNER = 0.95  # cosine of a turn; less is a corner
 _EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grids
 
 
@@ -32,6 +34,9 @@ class DistanceGrid:
     """Distances at the points of one grid; two are equal if they are one object."""
 
     values: Float32Array  # (rows, columns), y upwards
+    # (6, N): places in the grid's steps, by rising x, and unit vectors from there along
+    # the edge that ends there and along the one that starts; inside is left of an edge
+    corners: Float32Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +179,30 @@ def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     inside = _inside(edges, box, rows, columns)
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return DistanceGrid(values)
+    return DistanceGrid(values, _corners(edges, box))
+
+
+def _corners(edges: EdgeArrays, box: Box) -> Float32Array:
+    """Return the corners of a grid, as it has them."""
+    lines, arcs = edges.segments, edges.arcs
+    starts, out = _ways(lines, lines[:, :2], arcs, arcs[:, 3])
+    ends, into = _ways(lines, lines[:, 2:], arcs, arcs[:, 3] + arcs[:, 4])
+    out = out[cKDTree(starts).query(ends)[1]]
+    found = np.hstack([(ends - box[:2]) / STEP_UM, -into, out])
+    found = found[(into * out).sum(axis=1) < _CORNER]
+    return np.asarray(found[np.argsort(found[:, 0])].T, dtype=np.float32)
+
+
+def _ways(
+    lines: FloatArray, at: FloatArray, arcs: FloatArray, angle: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return ends of edges, at points and angles, and unit vectors along them there."""
+    along = lines[:, 2:] - lines[:, :2]
+    along /= np.maximum(np.hypot(*along.T), 1e-30)[:, None]
+    c, s = np.cos(angle), np.sin(angle)
+    places = arcs[:, :2] + arcs[:, 2:3] * np.stack([c, s], axis=1)
+    turning = np.sign(arcs[:, 4:]) * np.stack([-s, c], axis=1)
+    return np.vstack([at, places]), np.vstack([along, turning])
 
 
 def _distances(

@@ -40,7 +40,7 @@ class _Pool:
             return found, [self.first[grid] for grid in grids]
 
     def _bytes(self, more: Sequence[DistanceGrid]) -> int:
-        size = self.used + sum(grid.values.size for grid in more)
+        size = self.used + sum(grid.values.size + grid.corners.size for grid in more)
         return size * self.values.itemsize
 
     def _take(self, new: Sequence[DistanceGrid]) -> None:
@@ -52,8 +52,9 @@ class _Pool:
             room[: self.used] = self.values[: self.used]
             self.values = room
         for grid in new:
-            end = self.used + grid.values.size
-            self.values[self.used : end] = grid.values.ravel()
+            own = np.concatenate([grid.values.ravel(), grid.corners.ravel()])
+            end = self.used + own.size
+            self.values[self.used : end] = own
             self.first[grid], self.used = self.used, end
 
 
@@ -61,14 +62,14 @@ _POOL = _Pool()
 
 
 def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
-    """Return grids of distances, (N,) um, and what else is known of bodies.
+    """Return grids of distances with corners, (N,), and what else is known of bodies.
 
-    (bodies, 12): where its grid begins, columns and rows; cosine and sine in grid
+    (bodies, 13): where its grid begins, columns and rows; cosine and sine in grid
     steps, the grid's own place; top, underside, um; what its walls reflect; the grid's
-    step, and how far its distances go, um.
+    step, and how far its distances go, um; how many corners follow the grid.
     """
     grids, starts = _POOL.hold([body.distance.grid for body in bodies])
-    numbers = np.empty((len(bodies), 12))
+    numbers = np.empty((len(bodies), 13))
     for row, first, body in zip(numbers, starts, bodies, strict=True):
         distance = body.distance
         (c, s), (x, y) = distance.turn, distance.origin_um
@@ -77,5 +78,6 @@ def packed(bodies: Sequence[ThickBody]) -> tuple[Float32Array, FloatArray]:
             first, columns, rows, c / STEP_UM, s / STEP_UM,
             -(c * x + s * y + u) / STEP_UM, -(c * y - s * x + v) / STEP_UM,
             body.top_um, body.under_um, body.wall_reflectance, STEP_UM, BEYOND_UM,
+            distance.grid.corners.shape[1],
         )  # fmt: skip
     return grids, numbers

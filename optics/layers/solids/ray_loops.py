@@ -23,11 +23,14 @@ _FAINT = 0.005  # of the light
 _SURE_UM = 1.0  # more than distances err by
 _PASSED_UM = 1e-3  # heights this close are one
 _NEXT = np.uintp(1)  # one point on in a grid
+_ASIDE = 2.0  # steps of a grid to where distances of a normal are looked up
+# If they differ by less than this share of the way, a normal lies between those of two
+# edges: that of the nearer one is taken, so many steps from their corner at most.
+_EVEN, _BESIDE = 0.98, 4.0
 _RIM = 1.001  # steps from the end of a grid: four points lie about each place
 # columns of what is known of each body, as `packed_bodies.packed` has them
-_FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS, _STEP, _FAR = range(
-    12
-)
+(_FIRST, _COLUMNS, _ROWS, _C, _S, _U, _V, _TOP, _UNDER, _REFLECTS, _STEP, _FAR,
+ _CORNERS) = range(13)  # fmt: skip
 
 
 @compiled
@@ -67,11 +70,46 @@ def _normal(
     grids: Float32Array, bodies: FloatArray, k: int, x: float, y: float
 ) -> tuple[float, float]:
     """Return the unit vector outwards of the nearest edge at a place."""
-    h = 2 * bodies[k, _STEP]
-    nx = _distance(grids, bodies, k, x + h, y) - _distance(grids, bodies, k, x - h, y)
-    ny = _distance(grids, bodies, k, x, y + h) - _distance(grids, bodies, k, x, y - h)
-    length = max(math.hypot(nx, ny), 1e-6)
-    return nx / length, ny / length
+    c, s, columns = bodies[k, _C], bodies[k, _S], int(bodies[k, _COLUMNS])
+    u, v = c * x + s * y + bodies[k, _U], c * y - s * x + bodies[k, _V]
+    start, ends = int(bodies[k, _FIRST]), (columns - _RIM, bodies[k, _ROWS] - _RIM)
+    nu = _between(grids, start, columns, ends, u + _ASIDE, v)
+    nu -= _between(grids, start, columns, ends, u - _ASIDE, v)
+    nv = _between(grids, start, columns, ends, u, v + _ASIDE)
+    nv -= _between(grids, start, columns, ends, u, v - _ASIDE)
+    length, step = max(math.hypot(nu, nv), 1e-6), bodies[k, _STEP]
+    nu, nv = nu / length, nv / length
+    if length < 2 * _ASIDE * step * _EVEN:
+        nu, nv = _beside_corner(grids, bodies[k], (u, v), (nu, nv))
+    return step * (c * nu - s * nv), step * (s * nu + c * nv)
+
+
+@compiled
+def _beside_corner(
+    grids: Float32Array,
+    body: FloatArray,
+    place: tuple[float, float],
+    between: tuple[float, float],
+) -> tuple[float, float]:
+    """Return the unit vector outwards of the nearer edge of a corner at a place.
+
+    In the grid's frame, as is that `between` both, which stays where no corner is near.
+    """
+    (u, v), count = place, int(body[_CORNERS])
+    first = int(body[_FIRST] + body[_ROWS] * body[_COLUMNS])
+    corners = grids[first : first + 6 * count].reshape(6, count)
+    at, nearest, least = int(np.searchsorted(corners[0], u - _BESIDE)), -1, _BESIDE**2
+    while at < count and corners[0, at] < u + _BESIDE:
+        square = (u - corners[0, at]) ** 2 + (v - corners[1, at]) ** 2
+        if square < least:
+            nearest, least = at, square
+        at += 1
+    if nearest < 0:
+        return between
+    cu, cv, eu, ev, su, sv = corners[:, nearest]
+    if (u - cu) * (su - eu) + (v - cv) * (sv - ev) > 0:
+        return float(sv), float(-su)
+    return float(-ev), float(eu)
 
 
 @compiled

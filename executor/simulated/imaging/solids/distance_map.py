@@ -22,6 +22,7 @@ PITCH_UM = 0.2  # of a small body's map
 MOST_CELLS = 1600  # along the longer side, before the pitch grows
 MARGIN_UM = 12.0  # round the outline; a ray farther away makes more steps
 NEAREST_UM = 0.5  # a coarser map is interpolated
+EVEN, BESIDE = 0.98, 4.0  # slope that is less, and cells from a corner at most
 EXACT_UM = 5.0  # from an edge: farther away than a beam's side is
 FEW = 4  # cells to one that is computed, farther away
 
@@ -40,6 +41,7 @@ class DistanceMap:
     x_um: float  # of column 0
     y_um: float  # of row 0
     pitch_um: float  # between cells
+    corners: FloatArray  # (N, 6), as `PlaneOutline.corners`
 
     @property
     def coarseness_um(self) -> float:
@@ -81,11 +83,38 @@ class DistanceMap:
         return gx, gy
 
     def surface(self, x: Reals, y: Reals) -> tuple[Reals, Reals, Reals]:
-        """Return distances as `exact` does, and unit vectors as `normal` does."""
+        """Return distances as `exact` does, and unit vectors as `normal` does.
+
+        Beside a corner, where slopes are means over both its edges, the nearer one's.
+        """
         planes = (self.values.ravel(), *self._slopes)
         away, gx, gy = self._between(planes, *self.cells(x, y))
         length = np.maximum(np.hypot(gx, gy), 1e-9)
-        return away, gx / length, gy / length
+        gx, gy = gx / length, gy / length
+        mixed = length < 6 * EVEN * self.pitch_um
+        if len(self.corners) and mixed.any():
+            gx[mixed], gy[mixed] = self._beside_corners(
+                x[mixed], y[mixed], gx[mixed], gy[mixed]
+            )
+        return away, gx, gy
+
+    def _beside_corners(
+        self, x: Reals, y: Reals, nx: Reals, ny: Reals
+    ) -> tuple[Reals, Reals]:
+        """Return (N,) unit vectors across the nearer edges of corners near points.
+
+        On the side of those given, which are returned where no corner is near.
+        """
+        square = (x[:, None] - self.corners[:, 0]) ** 2
+        square += (y[:, None] - self.corners[:, 1]) ** 2
+        nearest = square.argmin(axis=1)
+        close = square.min(axis=1) < (BESIDE * self.pitch_um) ** 2
+        cx, cy, ax, ay, bx, by = self.corners[nearest].T
+        dx, dy = x - cx, y - cy
+        before = dx * ax + dy * ay > dx * bx + dy * by
+        tx, ty = np.where(before, ax, bx), np.where(before, ay, by)
+        side = np.where(nx * ty - ny * tx < 0, -1.0, 1.0)
+        return np.where(close, side * ty, nx), np.where(close, -side * tx, ny)
 
     @cached_property
     def _slopes(self) -> tuple[Reals32, Reals32]:
@@ -138,7 +167,7 @@ def distance_map(outline: PlaneOutline, near: Box | None = None) -> DistanceMap:
     y = np.arange(y0 - MARGIN_UM, y1 + MARGIN_UM + pitch, pitch)
     values = _distances(outline, x, y)
     values[parity_grid(outline, x, y)] *= -1
-    return DistanceMap(values, float(x[0]), float(y[0]), float(pitch))
+    return DistanceMap(values, float(x[0]), float(y[0]), float(pitch), outline.corners)
 
 
 def _distances(

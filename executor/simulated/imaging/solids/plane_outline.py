@@ -13,6 +13,7 @@ from microplan.schemas.files.world import WorldOutline
 
 CHORD_UM = 0.001  # sagitta of the polygon that decides inside and outside
 FULL_RAD = 2 * math.pi
+CORNER_COSINE = 0.95  # of a turn; less is a corner
 ROUNDED_RAD = 1e-5  # six digits of a full turn
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
@@ -38,6 +39,21 @@ class PlaneOutline:
         points = np.concatenate(self.polygons)
         low, high = points.min(axis=0), points.max(axis=0)
         return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Return places of corners, um, and unit vectors from there on edges, (N, 6).
+
+        Along the edge before a corner, and along the one after it.
+        """
+        found = []
+        for ring in self.rings:
+            for edge, after in zip(ring, ring[1:] + ring[:1], strict=True):
+                place, into = _ways(edge)[1]
+                out = _ways(after)[0][1]
+                if into[0] * out[0] + into[1] * out[1] < CORNER_COSINE:
+                    found.append((*place, -into[0], -into[1], *out))
+        return np.array(found, dtype=float).reshape(-1, 6)
 
     def distance_um(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return distances to the nearest edge, (...) um, never negative."""
@@ -161,3 +177,19 @@ def _arc_ends(arc: tuple[float, float, float, float, float]) -> Ends:
         for a in (start, start + sweep)
     )
     return first, last
+
+
+def _ways(edge: tuple[float, ...]) -> tuple[Ends, Ends]:
+    """Return an edge's start and end, um, each with the unit vector along it."""
+    if len(edge) == 4:
+        x0, y0, x1, y1 = edge
+        length = max(math.hypot(x1 - x0, y1 - y0), 1e-9)
+        way = ((x1 - x0) / length, (y1 - y0) / length)
+        return ((x0, y0), way), ((x1, y1), way)
+    _, _, _, start, sweep = arc = _arc(edge)
+    side = math.copysign(1.0, sweep)
+    first, last = (
+        (-side * math.sin(a), side * math.cos(a)) for a in (start, start + sweep)
+    )
+    begin, end = _arc_ends(arc)
+    return (begin, first), (end, last)

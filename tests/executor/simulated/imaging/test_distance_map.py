@@ -50,6 +50,20 @@ def test_a_box_is_as_far_as_its_sides_and_corners_say() -> None:
     np.testing.assert_allclose(np.c_[nx, ny], [[1, 0], [0, -1]], atol=1e-3)
 
 
+def test_beside_a_corner_normals_are_those_of_the_nearer_side() -> None:
+    hole = [(-3.0, -7.0), (3.0, -7.0), (3.0, 7.0), (-3.0, 7.0)]
+    c, s = math.cos(0.3), math.sin(0.3)
+    turned = tuple((c * x - s * y, s * x + c * y) for x, y in hole)
+    found = distance_map(outline([box(-20, -20, 20, 20), turned]))
+    along = np.arange(0.05, 1.0, 0.1)
+    u = np.r_[3 - along, np.full(along.shape, 3.02)]  # at the end, at a side
+    v = np.r_[np.full(along.shape, 7.02), 7 - along]
+    nx, ny = found.normal(c * u - s * v, s * u + c * v)
+    end, side = (s, -c), (-c, -s)  # into the hole
+    expected = [end] * len(along) + [side] * len(along)
+    np.testing.assert_allclose(np.c_[nx, ny], expected, atol=0.12)
+
+
 def test_an_arc_ends_where_its_ends_are() -> None:
     """A half disc: an arc and its chord."""
     half = PlaneOutline((((-8.0, 0.0, 8.0, 0.0), (0.0, 0.0, 8.0, 0.0, math.pi)),))

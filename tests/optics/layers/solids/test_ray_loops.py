@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,7 +19,8 @@ from microplan.optics.layers.solids.straight_rays import (
     rays_of,
 )
 from microplan.optics.outline.distance_field import distance_field
-from tests.optics.shapes import disc
+from microplan.optics.outline.outline import Outline
+from tests.optics.shapes import disc, polygon
 
 AREA = (-60.0, -60.0, 60.0, 60.0)
 RADIUS_UM, AT = 20.0, (3.0, -2.0)
@@ -148,3 +151,56 @@ def _approached(d: np.ndarray, widths: np.ndarray) -> float:
     if not nearer.size:
         return float(d[-1] / widths[-1])
     return float((d / widths)[nearer[0] + 1 :].min())
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.3])
+def test_in_the_corners_of_a_narrow_hole_rays_keep_to_both_walls(
+    turn_rad: float,
+) -> None:
+    """A hole of 6 by 14 um: unfolded, rays go on straight and places are folded."""
+    wide, long = 3.0, 7.0
+    hole = _turned(
+        [(-wide, -long), (-wide, long), (wide, long), (wide, -long)], turn_rad
+    )
+    outer = _turned([(-30, -30), (30, -30), (30, 30), (-30, 30)], turn_rad)
+    field = distance_field(
+        Outline(rings=(*polygon(outer).rings, *polygon(hole).rings)), AREA
+    )
+    assert field is not None
+    body = ThickBody(distance=field, top_um=0.0, under_um=-100.0, wall_reflectance=1.0)
+    rng = np.random.default_rng(5)
+    start = rng.uniform(-1, 1, (2000, 2)) * (wide - 0.5, long - 0.5)
+    slope = np.array([0.31, 0.23])
+    rays = rays_of(
+        np.array(_turned(start, turn_rad)), np.array(_turned([slope], turn_rad))
+    )
+    met = mirrored_rays.first_met([body], -100.0, rays)
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    straight = start - 100 * slope
+    touched = met.walls[:, 0] >= 0
+    for axis, size in enumerate((wide, long)):
+        way = (c, s) if axis == 0 else (-s, c)
+        found = mirrored_rays.mirrored([body], [None], _Place(way), -100.0, rays, met)
+        folded = np.abs((straight[:, axis] - size) % (4 * size) - 2 * size) - size
+        off = np.abs(found - folded)[touched]
+        assert np.mean(off < 1.0) > 0.95  # five walls, each some .1 um off
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A floor that sends how far along a way rays end."""
+
+    way: tuple[float, float]
+    mirrors: float = 0.0
+
+    def __call__(self, x: np.ndarray, y: np.ndarray, /) -> np.ndarray:
+        found: np.ndarray = x * self.way[0] + y * self.way[1]
+        return found
+
+
+def _turned(
+    points: Iterable[Iterable[float]], turn_rad: float
+) -> list[tuple[float, float]]:
+    """Return points turned about the origin."""
+    c, s = math.cos(turn_rad), math.sin(turn_rad)
+    return [(c * x - s * y, s * x + c * y) for x, y in points]
