@@ -16,6 +16,7 @@ from microplan.planner.calibration.estimates import (
     VectorEstimate,
     jackknife_vector,
 )
+from microplan.planner.calibration.even_field.field_structure import field_structure
 
 _ACROSS = 48  # cells along the shorter side of a picture: dust fills few of them
 _TILES = 6  # along each side: the blocks of the jackknife
@@ -32,8 +33,8 @@ _NORMAL = 1.4826  # standard deviation over the median of what is off
 _METHOD = "plane through the light of an even field, parts of the field left out"
 WHAT = "gradient of an even field"
 TAKE = (
-    "a plane mirror or an empty stage out of focus, at half of full scale, eight "
-    "frames or more"
+    "a plane mirror or an empty stage out of focus, wider than the field, at half of "
+    "full scale, eight frames or more"
 )
 
 
@@ -44,6 +45,7 @@ class FieldLight:
     gradient: VectorEstimate  # (2,) change over the width and the height: right, up [1]
     departure: BlockEstimate  # rms of light about its plane, of that in the middle [1]
     dust: float  # share of the field that is left out
+    hidden: FloatArray  # (2,) of the gradient's deviations, by a structure unseen [1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,15 +87,21 @@ def field_light(light: FloatArray, *, rounding: float = 0.0) -> FieldLight | Ref
     if why:
         return _refused(why)
     clean = ~ndimage.binary_dilation(odd, np.ones((3, 3), dtype=np.bool_))
+    some = min(light.shape) / 2
+    places = right * light.shape[1] / some, up * light.shape[0] / some
+    shown = field_structure(cells / level, places, clean, math.hypot(sigma, rounding))
+    if shown.words:
+        return _refused(shown.words)
     flat = _flattened(cells / level, off, right, up)
     blocks = _tiles(np.stack([right, up, flat, cells / level, off], axis=-1), clean)
     found = jackknife_vector(_plane, blocks, method=_METHOD)
     if found.covariance is None or np.trace(found.covariance[:2, :2]) > 2 * _VAGUE**2:
         return _refused("parts of the field contradict each other")
     return FieldLight(
-        gradient=_gradient(found, rounding),
+        gradient=_gradient(found, rounding, shown.hidden),
         departure=_root(found.one(2), rounding),
         dust=1 - float(clean.mean()),
+        hidden=shown.hidden,
     )
 
 
@@ -230,18 +238,21 @@ def _plane(tiles: Sequence[_Tile]) -> FloatArray:
     return np.array([x / level, y / level, square / level**2])
 
 
-def _gradient(found: VectorEstimate, rounding: float) -> VectorEstimate:
+def _gradient(
+    found: VectorEstimate, rounding: float, hidden: FloatArray
+) -> VectorEstimate:
     """Return the change of light, (2,), of an estimate that begins with it.
 
     The surface has more numbers than the `_SHAPES` that the jackknife knows of, and has
-    taken their chance away: variances grow by the ratio of what is free.
+    taken their chance away: variances grow by the ratio of what is free. That of a
+    structure `hidden` in noise is added.
     """
     surface = (_DEGREE + 1) * (_DEGREE + 2) // 2
     free = (found.blocks - _SHAPES) / max(found.blocks - surface, 1)
     chance = np.zeros((2, 2)) if found.covariance is None else found.covariance[:2, :2]
     return VectorEstimate(
         values=found.values[:2],
-        covariance=chance * free + 2 * rounding**2 * np.eye(2),
+        covariance=chance * free + np.diag(2 * rounding**2 + hidden**2),
         method=found.method,
         blocks=found.blocks,
     )

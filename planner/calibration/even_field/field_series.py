@@ -128,9 +128,14 @@ def _series(
     """Return gradient and departure as values."""
     source = intake.source()
     rest = single("light_departure_rms", found.departure, source)
-    note = f"dust and what is around it, left out: {found.dust:.1%} of the field"
+    x, y = found.hidden.tolist()
+    notes = [f"edges out of focus that noise hides may move it by {x:.2g}, {y:.2g}"]
+    if found.dust:
+        words = f"dust and what is around it, left out: {found.dust:.1%} of the field"
+        notes.append(words)
+    values = gradient_values(found.gradient, source, stated, found.hidden)
     return CalibrationSeries(
         heading=f"light in {source.pictures} pictures of an even field",
-        values=(*gradient_values(found.gradient, source, stated), rest),
-        notes=(note,) if found.dust else (),
+        values=(*values, rest),
+        notes=tuple(notes),
     )

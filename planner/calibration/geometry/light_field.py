@@ -134,16 +134,21 @@ def _gradient(groups: Sequence[Sequence[PlacedGain]]) -> FloatArray:
 
 
 def gradient_values(
-    found: VectorEstimate, source: PictureSource, stated: float | None
+    found: VectorEstimate,
+    source: PictureSource,
+    stated: float | None,
+    hidden: FloatArray | None = None,
 ) -> Iterator[CalibratedValue]:
     """Yield the gradient's size, which a workcell has, and its parts with their sign.
 
-    What chance adds to the square of the size is taken off.
+    What chance adds to the square of the size is taken off; `hidden`, (2,), is of the
+    deviations what is no chance.
     """
     x, y = found.one(0), found.one(1)
     if found.covariance is None or x.sigma is None or y.sigma is None:
         return
-    square = float(found.values @ found.values - np.trace(found.covariance))
+    lasting = 0.0 if hidden is None else float(hidden @ hidden)
+    square = float(found.values @ found.values - np.trace(found.covariance)) + lasting
     along = float(found.values @ found.covariance @ found.values)
     size = math.sqrt(max(square, 0.0))
     chance = math.hypot(x.sigma, y.sigma)
