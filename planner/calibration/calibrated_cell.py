@@ -46,6 +46,10 @@ from microplan.planner.calibration.through_focus.focus_series import (
     StatedLens,
     focus_axis,
 )
+from microplan.planner.calibration.through_focus.point_series import (
+    point_focus,
+    point_part,
+)
 from microplan.planner.calibration.workcell_lines import with_calibrated
 from microplan.planner.measure.part_task import PartCall
 from microplan.planner.measure.picture_files import PictureError, files_of
@@ -131,6 +135,10 @@ def _with_readings(
     condenser = _stated_condenser(call.cell)
     if readings.kind == "condenser" and not condenser.tells(readings, report):
         return None
+    if readings.kind == "focus":
+        point = point_part(call.part, call.cell)
+        if point is not None:
+            return point_focus(readings, point, intake, _stated_lens(call.cell))
     finder = part_finder(readings, call.part, call.bits, report, call.memo)
     if finder is None:
         return None

@@ -86,11 +86,16 @@ def report_left_out(file: str, drawn: Drawn, at: Span, report: Report) -> None:
 
 
 def report_size(
-    file: str, units: str, outline: Outline, at: Span, report: Report
+    file: str,
+    units: str,
+    outline: Outline,
+    at: Span,
+    report: Report,
+    least_um: float = MIN_UM,
 ) -> bool:
     """Return whether a part can have this size; else name the unit that would fit."""
     extent = extent_um(outline)
-    if MIN_UM <= extent <= MAX_UM:
+    if least_um <= extent <= MAX_UM:
         return True
     raw = extent / UM_PER_UNIT[units]
     fits = [unit for unit, um in UM_PER_UNIT.items() if MIN_UM <= raw * um <= MAX_UM]

@@ -16,7 +16,7 @@ from microplan.arrays import Point
 from microplan.optics.outline.outline import Outline
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.drawings.drawing_findings import UM_PER_UNIT, header_unit
-from microplan.planner.drawings.dxf.drawing import Drawing
+from microplan.planner.drawings.dxf.drawing import Drawing, take
 from microplan.planner.measure.near import NearPlace
 from microplan.planner.source.diagnostics import CallError, Diagnostic, Report, Span
 from microplan.planner.source.schema import Checked
@@ -24,6 +24,7 @@ from microplan.planner.source.source import Source, parse
 from microplan.planner.task.drawings import AnyDrawing, open_named, shape_layers
 from microplan.planner.task.read_task import read_task
 from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.views import CONTEXT_UM, SEARCH_SIGMAS
 from microplan.planner.views.zooms import microscope_at
 
@@ -40,6 +41,7 @@ _NEAR_PX = 4.0  # standard deviation per axis of a place that a user reads off a
 _NEAR_DEG = 2.0  # and of an angle
 # What pictures are tried with besides: focus, share of the depth of field, and scale.
 _FOCUS_SHARE, _SCALE = 0.25, 0.002
+_LEAST_UM, _ROUND = 0.005, 0.02  # of a disc that is a point: across, share off round
 _UNITS = ("um", *(unit for unit in UM_PER_UNIT if unit != "um"))
 
 
@@ -94,6 +96,26 @@ def part_task(call: PartCall, report: Report) -> Task | None:
     if task is None:
         return None
     return _sought(_magnified(task, call), call)
+
+
+def point_radius_um(call: PartCall, most_um: float) -> float | None:
+    """Return the radius of a drawing's only disc, of at most so many um across.
+
+    None of anything else, which `part_task` has findings about.
+    """
+    opened = _opened(call, Report())
+    if opened is None or not isinstance(opened[0], Drawing):
+        return None
+    drawing = replace(opened[0], units=call.units or _units(call, opened[0]))
+    layers = call.layers or (_layer(call, drawing),)
+    taken = take(drawing, layers, Report(), least_um=_LEAST_UM)
+    if taken is None or len(taken.outline.rings) != 1:
+        return None
+    x0, y0, x1, y1 = taken.outline.bounds_um
+    wide, high = x1 - x0, y1 - y0
+    area = abs(taken.outline.rings[0].signed_area_um2) / (math.pi / 4 * wide * high)
+    is_disc = abs(wide - high) < _ROUND * wide and abs(area - 1) < _ROUND
+    return wide / 2 if is_disc and wide <= most_um else None
 
 
 def _opened(call: PartCall, report: Report) -> tuple[AnyDrawing, str] | None:
@@ -252,8 +274,14 @@ def _feature(text: str) -> dict[str, Any]:
 
 def _magnified(task: Task, call: PartCall) -> Task:
     """Return the task with the one magnification of the pictures."""
-    optics = task.workcell.optics
-    low, high = optics.magnification
+    optics, zoom = task.workcell.optics, magnification_of(task.workcell, call)
+    fixed = replace(optics, magnification=(zoom, zoom))
+    return replace(task, workcell=replace(task.workcell, optics=fixed))
+
+
+def magnification_of(cell: Workcell, call: PartCall) -> float:
+    """Return the magnification of a call's pictures; CallError if it is none."""
+    low, high = cell.optics.magnification
     asked = call.magnification
     if asked is None and low < high:
         message = f"the workcell has magnifications from {low:g} to {high:g}"
@@ -263,8 +291,7 @@ def _magnified(task: Task, call: PartCall) -> Task:
     if not low <= zoom <= high:
         message = f"magnification {zoom:g} is outside the workcell's, {low:g} to "
         raise CallError(CODE, message + f"{high:g}", call.workcell)
-    fixed = replace(optics, magnification=(zoom, zoom))
-    return replace(task, workcell=replace(task.workcell, optics=fixed))
+    return zoom
 
 
 def _sought(task: Task, call: PartCall) -> Task:

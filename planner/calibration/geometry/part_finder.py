@@ -136,7 +136,7 @@ def part_finder(
     wide = found_series(part, report, chain=_CHAIN, bits=bits, memo=memo)
     if wide is None:
         return None
-    for page in _pages(readings, _in_the_middle(readings.rows)):
+    for page in middle_pages(readings):
         found = wide.found_in(page)
         if isinstance(found, MeasuredPicture) and found.is_accepted:
             return _made(page, found, wide, part, bits, report, memo)
@@ -154,11 +154,9 @@ def _in_the_middle(rows: Sequence[PictureReading]) -> list[PictureReading]:
     return [rows[k] for k in np.argsort(far, kind="stable")[:_TRIED].tolist()]
 
 
-def _pages(
-    readings: PictureReadings, rows: Sequence[PictureReading]
-) -> Iterator[PictureCounts]:
-    """Yield the pictures of some rows; what cannot be read is told when all are."""
-    for row in rows:
+def middle_pages(readings: PictureReadings) -> Iterator[PictureCounts]:
+    """Yield a few pictures in the middle; what cannot be read is told when all are."""
+    for row in _in_the_middle(readings.rows):
         file = readings.file.parent / row.name.partition("[")[0]
         for page in pages_of(file, lambda _rows, _columns: None):
             if isinstance(page, PictureCounts) and page.name == row.name:

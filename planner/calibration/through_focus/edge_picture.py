@@ -12,29 +12,16 @@ from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.optics.render.sampling import Sampling
-from microplan.optics.transfer.microscope import Terms
 from microplan.optics.transfer.wavefront import most_defocus_um
 from microplan.planner.calibration.geometry.part_finder import seen_pixels
 from microplan.planner.calibration.through_focus.edge_profile import EdgePoints
+from microplan.planner.calibration.through_focus.lens_picture import TriedLens
 from microplan.planner.measure.measuring import MeasuredPicture
 
 REACH_PX = 12.0  # from an edge: its blur to some two depths of field
 _FEWEST = 400  # pixels
+_ALIKE_PX = 0.05  # by which parts of pictures with the same slopes lie apart at most
 _STEEPEST = 0.99  # of the medium's index: no lens is wider
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TriedLens:
-    """A lens that may have taken pictures, and how its focus reads."""
-
-    aperture: float
-    zero_um: float  # reading at which the part is in focus
-    scale: float  # um of travel a um of reading
-    terms: Terms = ()
-
-    def defocus_um(self, reading_um: float) -> float:
-        """Return the height of the plane in focus over the part, um."""
-        return self.scale * (reading_um - self.zero_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +34,11 @@ class EdgePicture:
     shown: FloatArray  # (rows, columns) light, 0..1
     used: BoolArray  # (rows, columns)
     normals: FloatArray  # (2, N) of used pixels' nearest edges, right and down
+
+    @property
+    def depth_um(self) -> float:
+        """Return the depth of field by the stated aperture."""
+        return self.case.microscope.wave_depth_um
 
     def image(self, lens: TriedLens) -> FloatArray:
         """Return the image that a lens makes of it, (rows, columns), 0..1.
@@ -67,6 +59,14 @@ class EdgePicture:
         um, (x_um, y_um, turn) = self.case.microscope.um_per_px, self.pose
         pose = (x_um + right_px * um, y_um - down_px * um, turn)
         return replace(self, pose=pose)
+
+    def is_alike(self, other: EdgePicture) -> bool:
+        """Return whether two pictures show a part so nearly alike that slopes are."""
+        a, b = self.case, other.case
+        off_um = math.dist(self.pose[:2], other.pose[:2])
+        turn_um = abs(self.pose[2] - other.pose[2]) * a.target.size_um
+        apart_px = max(off_um, turn_um) / a.microscope.um_per_px
+        return a.window == b.window and apart_px < _ALIKE_PX
 
     def design(self, image: FloatArray) -> FloatArray:
         """Return what else changes an image (rows, columns), (N, 9) of N used pixels.

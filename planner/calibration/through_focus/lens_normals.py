@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.planner.calibration.through_focus.edge_picture import (
-    EdgePicture,
+from microplan.planner.calibration.through_focus.lens_picture import (
+    LensPicture,
     TriedLens,
 )
 
@@ -23,10 +23,9 @@ _CHANGES, _WAVES = (4e-3, 0.1, 0.01), 4e-3
 _PRIOR = 0.1  # waves rms: of a term that edges do not show little is found
 _ANY = 10.0  # aperture, um or scale: such a prior only lets equations have a solution
 _LEAST = 1e-12  # of the variance
-_ALIKE_PX = 0.05  # by which parts of pictures with the same slopes lie apart at most
 _MOST_PX = 2.0  # that a part is moved by at once
 _MOST_WAVES = 0.2  # of one term
-_ROUNDS = 9
+ROUNDS = 9
 _WAVE = 4 * math.sqrt(3)  # depths of field to a wave rms of paraxial defocus, Noll's
 _STILL = 0.7  # standard deviations of noise and `TRUE`: the rest is as good as linear
 # rms of an edge's step by which exact images of two makers differ in ways that look
@@ -96,26 +95,32 @@ def lens_of(numbers: FloatArray, nolls: Sequence[int]) -> TriedLens:
 
 
 def fit_lens(
-    pictures: Sequence[EdgePicture], start: FloatArray, nolls: Sequence[int]
+    pictures: Sequence[LensPicture],
+    start: FloatArray,
+    nolls: Sequence[int],
+    *,
+    rounds: int = ROUNDS,
 ) -> LensFit:
     """Return the numbers of a lens that suit pictures best.
 
     Parameters
     ----------
-    pictures : sequence of EdgePicture
+    pictures : sequence of LensPicture
         In the order of readings.
     start : (P,) float array
         Aperture, zero um, scale, waves rms of each term, to begin with.
     nolls : sequence of int
         The terms.
+    rounds : int
+        Of changes, at most.
     """
     numbers, shots = start.astype(np.float64), list(pictures)
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         shots = [_placed(each, lens_of(numbers, nolls)) for each in shots]
         steps = tuple(_by_step(shots, numbers, nolls))
         fit = LensFit(
             nolls=tuple(nolls), numbers=numbers, steps=steps,
-            wave_um=_WAVE * shots[0].case.microscope.wave_depth_um,
+            wave_um=_WAVE * shots[0].depth_um,
         )  # fmt: skip
         normal, slope = fit.total
         change = -np.linalg.solve(normal, slope)
@@ -133,7 +138,7 @@ def _within(numbers: FloatArray, start: FloatArray) -> FloatArray:
     return np.clip(numbers, low, high)
 
 
-def _placed(picture: EdgePicture, lens: TriedLens) -> EdgePicture:
+def _placed(picture: LensPicture, lens: TriedLens) -> LensPicture:
     """Return a picture with its part where it is seen."""
     image = picture.image(lens)
     light, right, down = np.linalg.lstsq(
@@ -146,7 +151,7 @@ def _placed(picture: EdgePicture, lens: TriedLens) -> EdgePicture:
 
 
 def _by_step(
-    shots: Sequence[EdgePicture], numbers: FloatArray, nolls: Sequence[int]
+    shots: Sequence[LensPicture], numbers: FloatArray, nolls: Sequence[int]
 ) -> Iterator[StepNormals]:
     """Yield the sums of each reading's pictures."""
     for _, group in groupby(shots, lambda shot: shot.z_um):
@@ -156,7 +161,7 @@ def _by_step(
             _normals(
                 shot,
                 lens_of(numbers, nolls),
-                slopes if _is_alike(shot, held[0]) else _slopes(shot, numbers, nolls),
+                slopes if shot.is_alike(held[0]) else _slopes(shot, numbers, nolls),
             )
             for shot in held
         ]
@@ -168,17 +173,8 @@ def _by_step(
         )
 
 
-def _is_alike(one: EdgePicture, other: EdgePicture) -> bool:
-    """Return whether two pictures show a part so nearly alike that slopes are."""
-    a, b = one.case, other.case
-    off_um = math.dist(one.pose[:2], other.pose[:2])
-    turn_um = abs(one.pose[2] - other.pose[2]) * a.target.size_um
-    apart_px = max(off_um, turn_um) / a.microscope.um_per_px
-    return a.window == b.window and apart_px < _ALIKE_PX
-
-
 def _slopes(
-    picture: EdgePicture, numbers: FloatArray, nolls: Sequence[int]
+    picture: LensPicture, numbers: FloatArray, nolls: Sequence[int]
 ) -> FloatArray:
     """Return an image's changes by each number, (P, rows, columns)."""
     image = picture.image(lens_of(numbers, nolls))
@@ -190,7 +186,7 @@ def _slopes(
     return found
 
 
-def _normals(picture: EdgePicture, lens: TriedLens, slopes: FloatArray) -> StepNormals:
+def _normals(picture: LensPicture, lens: TriedLens, slopes: FloatArray) -> StepNormals:
     """Return the sums of one picture by slopes (P, rows, columns) of its image.
 
     What else changes it is taken off.

@@ -17,14 +17,15 @@ from microplan.planner.calibration.estimates import (
     VectorEstimate,
     jackknife_covariance,
 )
-from microplan.planner.calibration.through_focus.edge_picture import EdgePicture
 from microplan.planner.calibration.through_focus.lens_normals import (
     FIRST,
+    ROUNDS,
     TRUE,
     LensFit,
     StepNormals,
     fit_lens,
 )
+from microplan.planner.calibration.through_focus.lens_picture import LensPicture
 from microplan.planner.task.lens.check_wavefront import MOST_WAVES
 
 NOLLS = (5, 6, 7, 8, 9, 10, 11)  # astigmatism, coma, trefoil, spherical aberration
@@ -69,23 +70,32 @@ class WavefrontFit:
 
 
 def fit_wavefront(
-    pictures: Sequence[EdgePicture], start: FloatArray
+    pictures: Sequence[LensPicture],
+    start: FloatArray,
+    nolls: Sequence[int] = NOLLS,
+    *,
+    rounds: int = ROUNDS,
 ) -> WavefrontFit | Refused:
     """Return the aberrations that pictures through focus tell.
 
     Parameters
     ----------
-    pictures : sequence of EdgePicture
+    pictures : sequence of LensPicture
         By their readings, rising, on both sides of the sharpest.
     start : (3,) float array
         Aperture, zero um and scale, to begin with.
+    nolls : sequence of int
+        The terms that are tried.
+    rounds : int
+        Of changes of a lens, at most.
     """
     readings = len({picture.z_um for picture in pictures})
     if readings < FEWEST_BLOCKS:
         return _refused(
-            f"{readings} focus readings show its edges, {FEWEST_BLOCKS} are needed"
+            f"{readings} focus readings show it, {FEWEST_BLOCKS} are needed"
         )
-    fit = fit_lens(pictures, np.append(start, np.zeros(len(NOLLS))), NOLLS)
+    begin = np.append(start, np.zeros(len(nolls)))
+    fit = fit_lens(pictures, begin, nolls, rounds=rounds)
     dropped: list[WavefrontTerm] = []
     while fit.is_settled:
         kept, out = sorted_terms(fit)
@@ -93,8 +103,9 @@ def fit_wavefront(
         if not out:
             return _found(fit, kept, dropped)
         begin = np.append(fit.numbers[:FIRST], [t.waves.value for t in kept])
-        fit = fit_lens(pictures, begin, [t.noll for t in kept])
-    return _refused("no lens suits the edges of all pictures")
+        left = [t.noll for t in kept]
+        fit = fit_lens(pictures, begin, left, rounds=rounds)
+    return _refused("no lens suits all pictures")
 
 
 def _refused(why: str) -> Refused:

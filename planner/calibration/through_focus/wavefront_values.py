@@ -17,7 +17,7 @@ _WHERE = ("optics", "wavefront")
 _NAMES = {
     5: "astigmatism at 45 deg", 6: "astigmatism along x", 7: "coma along y",
     8: "coma along x", 9: "trefoil along y", 10: "trefoil along x",
-    11: "spherical aberration",
+    11: "spherical aberration", 22: "spherical aberration of the next order",
 }  # fmt: skip
 
 

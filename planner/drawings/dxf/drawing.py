@@ -9,6 +9,7 @@ from microplan.optics.outline.outline import Outline, Ring
 from microplan.planner.drawings.biarcs import CURVE_UM
 from microplan.planner.drawings.census import Taken
 from microplan.planner.drawings.drawing_findings import (
+    MIN_UM,
     UM_PER_UNIT,
     body_places,
     counts_said,
@@ -86,6 +87,7 @@ def take(
     at: Span | None = None,
     *,
     apart: bool = False,
+    least_um: float = MIN_UM,
 ) -> Taken | None:
     """Return what `layers` of `drawing` enclose, in um; None if it was reported.
 
@@ -101,6 +103,8 @@ def take(
         Where the layers are asked for; the drawing's own list if not given.
     apart : bool
         Whether several outer rings are no mistake.
+    least_um : float
+        Smaller ones are taken for a wrong unit.
 
     Returns
     -------
@@ -116,7 +120,7 @@ def take(
     chained = chain(kept)
     if not _closed(drawing, chained, again, at, report):
         return None
-    outline = _nested(drawing, chained, at, report, apart=apart)
+    outline = _nested(drawing, chained, at, report, apart=apart, least_um=least_um)
     if outline is None:
         return None
     warn_coarse(drawing.file, drawing.units, outline, drawn.pieces, at, report)
@@ -219,7 +223,13 @@ def _closed(
 
 
 def _nested(
-    drawing: Drawing, chained: Chained, at: Span, report: Report, *, apart: bool
+    drawing: Drawing,
+    chained: Chained,
+    at: Span,
+    report: Report,
+    *,
+    apart: bool,
+    least_um: float,
 ) -> Outline | None:
     """Return the rings as one body with holes, or with `apart` as several."""
     try:
@@ -240,7 +250,7 @@ def _nested(
         hint = f"select layers, or draw one part a file; rings by layer: {count}"
         report.error("MP209", at, message, hint)
         return None
-    fits = report_size(drawing.file, drawing.units, outline, at, report)
+    fits = report_size(drawing.file, drawing.units, outline, at, report, least_um)
     return outline if fits else None
 
 

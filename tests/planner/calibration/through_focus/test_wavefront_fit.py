@@ -83,7 +83,7 @@ def test_pictures_without_readings_are_refused() -> None:
     pictures: list[EdgePicture] = []
     found = fit_wavefront(pictures, np.array([0.4, 0.0, 1.0]))
     assert isinstance(found, Refused)
-    assert found.why == "0 focus readings show its edges, 6 are needed"
+    assert found.why == "0 focus readings show it, 6 are needed"
     assert "signed focus readings" in found.take
 
 
