@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import ezdxf
+import ezdxf.filemanagement
 import numpy as np
 import pytest
 import tifffile
@@ -56,7 +56,7 @@ def station(folder: Path, side_px: int, um_per_px: float, optics: str) -> Path:
         assert old in text
         text = text.replace(old, new)
     cell.write_text(text, encoding="utf-8")
-    drawing = ezdxf.new("R2010")
+    drawing = ezdxf.filemanagement.new("R2010")
     drawing.header["$INSUNITS"] = 13
     drawing.modelspace().add_circle((0, 0), RADIUS_UM)
     drawing.saveas(folder / "bead.dxf")
@@ -91,7 +91,7 @@ def taken(zernike: dict[int, float], peak: float = 40_000.0) -> list[FloatArray]
     lights = [twin(z, zernike) for z in READINGS.tolist()]
     scale, rng = peak / max(float(each.max()) for each in lights), np.random.default_rng
     return [
-        258.0 + rng(k).poisson(np.maximum(each * scale / 2, 0)) * 2
+        258.0 + rng(k).poisson(np.maximum(each * scale / 2, 0)).astype(np.float64) * 2
         for k, each in enumerate(lights)
     ]
 
@@ -144,10 +144,11 @@ def test_a_real_point_tells_the_side_of_focus(tmp_path: Path) -> None:
     real = station(
         tmp_path / "task", 64, 0.13, "numerical_aperture: 0.85, wavelength_um: 0.52"
     )
-    planes = tifffile.imread(REAL).astype(np.float64)
+    planes: FloatArray = np.asarray(tifffile.imread(REAL), dtype=np.float64)
     odd = np.arange(1, 25, 2)
     out = real.parent / "new.yaml"
-    steps = series(tmp_path / "steps", list(planes[odd]), -0.3 * odd)
+    readings: FloatArray = -0.3 * odd.astype(np.float64)
+    steps = series(tmp_path / "steps", list(planes[odd]), readings)
     assert call(real, steps, "-o", str(out)) == 0
     new: Any = yaml.safe_load(out.read_text(encoding="utf-8"))
     assert new["optics"]["numerical_aperture"] == pytest.approx(0.85, rel=0.06)
