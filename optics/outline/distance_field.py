@@ -26,6 +26,7 @@ BEYOND_UM = 24.0  # of the edges: farther off the distance is this or more
 _TILE = 48  # points
 _WHOLE = 1 << 20  # points of a grid that an outline has all over, wherever it is wanted
 _CORNER = 0.95  # cosine of a turn; less is a corner
+_POINT_UM = 2e-5  # ends are rounded to half of it
 _EVEN_UM = 256.0  # others end at whole multiples: areas nearly alike share grids
 
 
@@ -185,6 +186,11 @@ def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
 def _corners(edges: EdgeArrays, box: Box) -> Float32Array:
     """Return the corners of a grid, as it has them."""
     lines, arcs = edges.segments, edges.arcs
+    # an edge that is a point has no way of its own
+    lines = lines[np.hypot(*(lines[:, 2:] - lines[:, :2]).T) > _POINT_UM]
+    arcs = arcs[np.abs(arcs[:, 2] * arcs[:, 4]) > _POINT_UM]
+    if not len(lines) + len(arcs):
+        return np.empty((6, 0), dtype=np.float32)
     starts, out = _ways(lines, lines[:, :2], arcs, arcs[:, 3])
     ends, into = _ways(lines, lines[:, 2:], arcs, arcs[:, 3] + arcs[:, 4])
     out = out[cKDTree(starts).query(ends)[1]]
@@ -198,7 +204,7 @@ def _ways(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ends of edges, at points and angles, and unit vectors along them there."""
     along = lines[:, 2:] - lines[:, :2]
-    along /= np.maximum(np.hypot(*along.T), 1e-30)[:, None]
+    along /= np.hypot(*along.T)[:, None]
     c, s = np.cos(angle), np.sin(angle)
     places = arcs[:, :2] + arcs[:, 2:3] * np.stack([c, s], axis=1)
     turning = np.sign(arcs[:, 4:]) * np.stack([-s, c], axis=1)

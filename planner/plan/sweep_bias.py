@@ -27,6 +27,9 @@ _STOPS = 41
 # Of a bias, the half-width by which images through a wavefront error have it wrong: the
 # simulated cell's, by its own pupil, differ by 5 % at most (tested).
 _IMAGED = 0.1
+# Waves, at most, by which a term is changed to see what it moves: farther off peaks
+# turn back, which makes no doubt smaller.
+_STEP = 0.05
 _TURNS_RAD = tuple(math.pi / 4 * k for k in range(4))  # quarters of astigmatism's turn
 _QUARTERS = np.array([1, 1j, -1, -1j])
 
@@ -36,7 +39,7 @@ class SweepBias:
     """Peak of a sweep less height of the face, by the wavefront error alone."""
 
     um: float = 0.0
-    half_width_um: float = 0.0  # of 95 %, by what is not known of it
+    half_width_um: float = 0.0  # of 95 %, by what neither workcell nor images know
 
 
 def sweep_bias(
@@ -45,8 +48,8 @@ def sweep_bias(
     """Return the bias of a sweep over a look's target, by images through its lens.
 
     Only what the wavefront does is in it: the peak of the same look without one, which
-    neighbours and their shade may move, is taken off. A lens through which the sweep
-    has no peak tells no height, so that it has no bias.
+    neighbours and their shade may move, is taken off. Where the sweep has no peak
+    through the lens, half of it is the half-width.
 
     Parameters
     ----------
@@ -59,8 +62,8 @@ def sweep_bias(
     radius_um : float
         Edges about this radius are scored; 0: all.
     """
-    known, ends = stated.known, unknown_focusing(stated)
-    if not (known or ends):
+    known, unknown = stated.known, unknown_focusing(stated)
+    if not (known or unknown):
         return SweepBias()
     nearest = sorted(focus_um, key=lambda z: abs(z - case.focus_um))[:_STOPS]
     stops, tried = tuple(sorted(nearest)), as_tried(case)
@@ -73,12 +76,22 @@ def sweep_bias(
 
     turns = _turns_rad(case, known)
     offs = np.array([peak_um(known, turn) - peak_um((), turn) for turn in turns])
-    if np.isnan(offs).any():
-        return SweepBias()
-    moved = np.array([peak_um(end) - peak_um(known) for end in ends])
-    um, unstated_um = float(offs.mean()), math.sqrt(np.nansum(moved**2))
-    half_um = math.hypot(unstated_um, _swing_um(offs), _IMAGED * um)
-    return SweepBias(um=um, half_width_um=half_um)
+    moved = [
+        half / step * (peak_um(_changed(known, noll, step)) - peak_um(known))
+        for noll, half in unknown.items()
+        for step in [min(half, _STEP)]
+    ]
+    half_um = math.hypot(*moved, _swing_um(offs), _IMAGED * float(offs.mean()))
+    if math.isnan(half_um):
+        return SweepBias(half_width_um=(max(focus_um) - min(focus_um)) / 2)
+    return SweepBias(um=float(offs.mean()), half_width_um=half_um)
+
+
+def _changed(terms: Terms, noll: int, by_waves: float) -> Terms:
+    """Return a wavefront error with one term larger."""
+    found = dict(terms)
+    found[noll] = found.get(noll, 0.0) + by_waves
+    return tuple(sorted(found.items()))
 
 
 def focus_peak_um(

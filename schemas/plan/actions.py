@@ -31,7 +31,7 @@ class HeightSearch:
     ring_radius_um: float  # the score is taken on edges about this radius; 0: all
     # peak less height, by the stated wavefront: taken off the peak; added after 2.7
     bias_um: float = 0.0
-    # of 95 %, by what is not known of the wavefront: in sigma; added after 2.7
+    # of 95 %, by what is not known of that: in sigma; added after 2.7
     bias_half_width_um: float = 0.0
 
 

@@ -9,7 +9,6 @@ it, as both sides of a target do alike; what they move is the focus.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from scipy import special
 
@@ -37,7 +36,12 @@ def unknown_wavefronts(stated: WavefrontSpec) -> tuple[Terms, ...]:
 
     Each about what is known, at one end of its interval; none where all is known.
     """
-    return _ends(stated, unknown_waves(stated))
+    known = dict(stated.known)
+    return tuple(
+        tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
+        for noll, half in unknown_waves(stated).items()
+        if half > 0
+    )
 
 
 def unknown_waves(stated: WavefrontSpec) -> dict[int, float]:
@@ -56,12 +60,12 @@ def unknown_waves(stated: WavefrontSpec) -> dict[int, float]:
     return dict.fromkeys(MOVING, total_share() * most)
 
 
-def unknown_focusing(stated: WavefrontSpec) -> tuple[Terms, ...]:
-    """Return wavefronts with each term by which the best focus may be wrong.
+def unknown_focusing(stated: WavefrontSpec) -> dict[int, float]:
+    """Return half-widths of 95 % of terms by which the best focus may be wrong, waves.
 
-    Each about what is known, at one end of its 95 % interval; none where all is known.
-    Of a total, the focus moves with one direction in the space of its terms, so that
-    the root of the sum of squares of what the ends move is the half-width of 95 %.
+    By Noll's index, those alone that are not known. Of a total, the focus moves with
+    one direction in the space of its terms, so that the root of the sum of squares of
+    what all of them move is the half-width of 95 %.
     """
     if stated.terms is not None:
         # beside known ones, coma and trefoil change how sharp either side is, too
@@ -69,7 +73,7 @@ def unknown_focusing(stated: WavefrontSpec) -> tuple[Terms, ...]:
     else:
         most = LIMITED if stated.rms_waves is None else stated.rms_waves
         halves = dict.fromkeys(FOCUSING, total_share() * most)
-    return _ends(stated, halves)
+    return {noll: half for noll, half in halves.items() if half > 0}
 
 
 def total_share() -> float:
@@ -104,16 +108,6 @@ def _row(effect: str, level: str, limit: float, reason: str) -> EffectRow:
         limit=limit,
         unit=CONTRAST,
         reason=reason or "none is stated",
-    )
-
-
-def _ends(stated: WavefrontSpec, halves: Mapping[int, float]) -> tuple[Terms, ...]:
-    """Return what is known, one term at a time larger by its half-width."""
-    known = dict(stated.known)
-    return tuple(
-        tuple(sorted((known | {noll: known.get(noll, 0.0) + half}).items()))
-        for noll, half in halves.items()
-        if half > 0
     )
 
 

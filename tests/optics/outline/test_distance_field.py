@@ -9,7 +9,7 @@ import shapely
 
 from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, distance_field
 from microplan.optics.outline.outline import flatten, place
-from tests.optics.shapes import disc, gear
+from tests.optics.shapes import disc, gear, polygon
 
 AREA = (-70.0, -70.0, 70.0, 70.0)
 RIM_UM = STEP_UM * math.sqrt(0.5) + 1e-3  # half a cell's diagonal, and chords
@@ -69,3 +69,16 @@ def test_normals_point_outwards() -> None:
     x, y = (20.0 * np.stack([np.cos(angle), np.sin(angle)])).astype(np.float32)
     u, v = field.normal(x, y)
     np.testing.assert_allclose(u * np.cos(angle) + v * np.sin(angle), 1.0, atol=0.05)
+
+
+def test_a_doubled_vertex_is_no_corner() -> None:
+    """Nor is an edge shorter than places are rounded to: it has no way of its own."""
+    corners = [(-20.0, -10.0), (20.0, -10.0), (20.0, 10.0), (-20.0, 10.0)]
+    again = [*corners[:2], (20.0, -10.0 + 4e-6), *corners[2:]]
+    one, other = (distance_field(polygon(points), AREA) for points in (corners, again))
+    assert one is not None
+    assert other is not None
+    assert one.grid.corners.shape == (6, 4)
+    np.testing.assert_allclose(other.grid.corners, one.grid.corners, atol=1e-4)
+    ways = one.grid.corners[2:].reshape(2, 2, 4)
+    np.testing.assert_allclose(np.hypot(*np.moveaxis(ways, 1, 0)), 1, atol=1e-6)

@@ -206,9 +206,17 @@ def test_a_total_is_shared_by_terms_that_may_lie_any_way() -> None:
     assert inside == pytest.approx(0.95, abs=0.02)
 
 
-def test_a_sweep_without_a_peak_has_no_bias() -> None:
+def test_a_sweep_without_a_peak_tells_nothing() -> None:
     spec, far = stated((11, 0.05, 0.01)), tuple(z + 60 for z in STOPS_UM)
-    assert sweep_bias(lens_of(spec, post()), spec, far, RADIUS_UM) == SweepBias()
+    found = sweep_bias(lens_of(spec, post()), spec, far, RADIUS_UM)
+    assert found == SweepBias(half_width_um=12.0)  # half of the sweep
+
+
+def test_who_knows_less_of_a_lens_is_promised_less() -> None:
+    """Of .07 waves the peak moves back, as if nothing had been unknown."""
+    halves = [bias(stated((11, 0.1, s))).half_width_um for s in (0.01, 0.03, 0.07)]
+    assert halves[0] < halves[1] / 2
+    assert halves[1] < halves[2] / 2
 
 
 def test_a_long_sweep_has_the_bias_of_its_middle() -> None:

@@ -14,6 +14,7 @@ from microplan.schemas.files.world import WorldOutline
 CHORD_UM = 0.001  # sagitta of the polygon that decides inside and outside
 FULL_RAD = 2 * math.pi
 CORNER_COSINE = 0.95  # of a turn; less is a corner
+POINT_UM = 1e-6  # long: an edge that has no direction
 ROUNDED_RAD = 1e-5  # six digits of a full turn
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
@@ -47,7 +48,8 @@ class PlaneOutline:
         Along the edge before a corner, and along the one after it.
         """
         found = []
-        for ring in self.rings:
+        for whole in self.rings:
+            ring = [edge for edge in whole if _length_um(edge) > POINT_UM]
             for edge, after in zip(ring, ring[1:] + ring[:1], strict=True):
                 place, into = _ways(edge)[1]
                 out = _ways(after)[0][1]
@@ -177,6 +179,13 @@ def _arc_ends(arc: tuple[float, float, float, float, float]) -> Ends:
         for a in (start, start + sweep)
     )
     return first, last
+
+
+def _length_um(edge: tuple[float, ...]) -> float:
+    """Return how long an edge is."""
+    if len(edge) == 4:
+        return math.dist(edge[:2], edge[2:])
+    return abs(edge[2] * _arc(edge)[4])
 
 
 def _ways(edge: tuple[float, ...]) -> tuple[Ends, Ends]:

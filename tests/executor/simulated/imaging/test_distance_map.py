@@ -87,3 +87,11 @@ def test_cells_near_an_edge_are_exact_and_the_others_nearly() -> None:
     assert away[near].max() < 1e-5  # of float32
     # a distance changes by no more than the way: half a coarse cell's diagonal
     assert away.max() < FEW * found.pitch_um / 2**0.5
+
+
+def test_a_doubled_vertex_makes_no_corner_without_a_way() -> None:
+    square = box(-20, -10, 20, 10)
+    again = (*square[:2], square[1], *square[2:])
+    one, other = (outline([points]).corners for points in (square, again))
+    assert one.shape == (4, 6)
+    np.testing.assert_array_equal(other, one)
