@@ -13,7 +13,7 @@ from typing import Any, Literal
 import yaml
 
 from microplan.arrays import Point
-from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.outline import Outline, Ring
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.drawings.drawing_findings import UM_PER_UNIT, header_unit
 from microplan.planner.drawings.dxf.drawing import Drawing, take
@@ -101,21 +101,36 @@ def part_task(call: PartCall, report: Report) -> Task | None:
 def point_radius_um(call: PartCall, most_um: float) -> float | None:
     """Return the radius of a drawing's only disc, of at most so many um across.
 
-    None of anything else, which `part_task` has findings about.
+    None of anything larger, which `part_task` has findings about.
+
+    Raises
+    ------
+    CallError
+        MP903 if all rings are so small, but are not one disc.
     """
     opened = _opened(call, Report())
     if opened is None or not isinstance(opened[0], Drawing):
         return None
     drawing = replace(opened[0], units=call.units or _units(call, opened[0]))
     layers = call.layers or (_layer(call, drawing),)
-    taken = take(drawing, layers, Report(), least_um=_LEAST_UM)
-    if taken is None or len(taken.outline.rings) != 1:
+    taken = take(drawing, layers, Report(), apart=True, least_um=_LEAST_UM)
+    rings = () if taken is None else taken.outline.rings
+    most = max((_reach_um(Outline(rings=(ring,))) for ring in rings), default=math.inf)
+    if most > most_um:
         return None
-    x0, y0, x1, y1 = taken.outline.bounds_um
+    if len(rings) != 1 or not _is_disc(rings[0]):
+        message = f"{call.part} is too small to be seen, and not one circle"
+        hint = f"draw a bead as one circle, at most {most_um:.3g} um across"
+        raise CallError(CODE, message, call.part, hint)
+    return most / 2
+
+
+def _is_disc(ring: Ring) -> bool:
+    """Return whether a ring is round and filled."""
+    x0, y0, x1, y1 = Outline(rings=(ring,)).bounds_um
     wide, high = x1 - x0, y1 - y0
-    area = abs(taken.outline.rings[0].signed_area_um2) / (math.pi / 4 * wide * high)
-    is_disc = abs(wide - high) < _ROUND * wide and abs(area - 1) < _ROUND
-    return wide / 2 if is_disc and wide <= most_um else None
+    area = abs(ring.signed_area_um2) / (math.pi / 4 * wide * high)
+    return abs(wide - high) < _ROUND * wide and abs(area - 1) < _ROUND
 
 
 def _opened(call: PartCall, report: Report) -> tuple[AnyDrawing, str] | None:
