@@ -35,6 +35,12 @@ class PointPicture:
         """Return the depth of field by the stated aperture."""
         return self.scope.wave_depth_um
 
+    @property
+    def seen_px(self) -> tuple[float, float]:
+        """Return column and row of where the point is expected."""
+        rows, columns = self.shown.shape
+        return self.at_px[0] + columns // 2, self.at_px[1] + rows // 2
+
     def image(self, lens: TriedLens) -> FloatArray:
         """Return the image that a lens makes, (rows, columns); its sum is about 1.
 
@@ -56,9 +62,7 @@ class PointPicture:
         if lens.terms:
             seen += transfer_change(scope, z_um, across, up)
         seen *= np.sinc(u * k) * np.sinc(v * k) * _disc(f * self.radius_um)
-        right, down = (
-            a + n // 2 for a, n in zip(self.at_px, (columns, rows), strict=True)
-        )
+        right, down = self.seen_px
         seen *= np.exp(-2j * np.pi * k * (u * right - v * down))
         found: FloatArray = fft.irfft2(seen, size)[:rows, :columns]
         return found

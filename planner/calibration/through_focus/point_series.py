@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.arrays import FloatArray
 from microplan.optics.lens.sensor import Sensor
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.calibration.calibrated_value import (
@@ -15,12 +14,19 @@ from microplan.planner.calibration.calibrated_value import (
     CalibrationSeries,
     single,
 )
-from microplan.planner.calibration.estimates import FEWEST_BLOCKS, Refused
+from microplan.planner.calibration.estimates import Refused
 from microplan.planner.calibration.geometry.part_finder import middle_pages
 from microplan.planner.calibration.picture_intake import CODE, PictureIntake
 from microplan.planner.calibration.readings import PictureReadings, readings_of_pages
-from microplan.planner.calibration.through_focus.focus_fit import FEWEST_ASIDE
 from microplan.planner.calibration.through_focus.focus_series import StatedLens
+from microplan.planner.calibration.through_focus.point_checks import (
+    CLEAR,
+    NEAR_PX,
+    deviation,
+    sharpest,
+    why_coarse,
+    why_unfit,
+)
 from microplan.planner.calibration.through_focus.point_picture import PointPicture
 from microplan.planner.calibration.through_focus.wavefront_fit import (
     NOLLS,
@@ -44,14 +50,12 @@ from microplan.planner.task.read_workcell import build_workcell, read_fingers
 from microplan.planner.views.zooms import microscope_at
 
 _SMALL = 0.5  # of wavelength over aperture, across: no lens shows its outline
-_HALF_PX, _LEAST_PX = 32, 12  # about it that is fitted, and that must be in the picture
-_NEAR_PX = 8.0  # from where it is said to be
-_CLEAR = 10.0  # deviations of the picture by which a point is the brightest
+_HALF_PX = 32  # about it that is fitted
 _NOLLS = (*NOLLS, 22)  # a point shows the next order, too, where apertures are wide
 _ROUNDS = 40  # from a lens without aberrations: they trade with zero and step
-_TAKE = (
-    "one bright bead, smaller than the resolution and alone within 30 px, not "
-    "saturated, at nine focus readings or more on both sides of the sharpest"
+_HINT = (
+    "photograph one bright bead, smaller than the resolution and alone in 64 x 64 px, "
+    "not saturated, at nine focus readings or more on both sides of the sharpest"
 )
 
 
@@ -103,25 +107,36 @@ def point_focus(
     at = _place(readings, part)
     if at is None:
         message = "no picture in the middle of the readings has a bright point"
-        report.error(CODE, where, message, f"photograph {_TAKE}")
+        message += f" within {NEAR_PX:g} px of the place" if part.near else ""
+        report.error(CODE, where, message, _HINT)
         return None
     pictures = list(_pictures(readings, part, intake, at))
     if report.failed or not intake.fits(0, where):
         return None
-    why = _unfit(pictures)
-    if why:
-        report.error(
-            CODE, where, f"no aperture and focus: {why}", f"photograph {_TAKE}"
-        )
-        return None
+    found = _fitted(pictures, part.scope, 1 / intake.top)
+    if isinstance(found, WavefrontFit):
+        return _series(found, intake, stated)
+    why, hint = found
+    report.error(CODE, where, f"no aperture and focus: {why}", hint)
+    return None
+
+
+def _fitted(
+    pictures: list[PointPicture], scope: Microscope, count: float
+) -> WavefrontFit | tuple[str, str]:
+    """Return what pictures tell, or why they tell no lens and what to do."""
+    unfit = why_unfit(pictures, count)
+    if unfit:
+        return unfit, _HINT
+    coarse = why_coarse(scope, scope.aperture)
+    if coarse:
+        return coarse
     pictures.sort(key=lambda each: each.z_um)
-    start = np.array([part.scope.aperture, _sharpest_um(pictures), 1.0])
+    start = np.array([scope.aperture, sharpest(pictures).z_um, 1.0])
     found = fit_wavefront(pictures, start, _NOLLS, rounds=_ROUNDS)
     if isinstance(found, Refused):
-        message = f"no {found.what}: {found.why}"
-        report.error(CODE, where, message, f"photograph {_TAKE}")
-        return None
-    return _series(found, intake, stated)
+        return found.why, _HINT
+    return why_coarse(scope, float(found.numbers.values[0])) or found
 
 
 def _place(readings: PictureReadings, part: PointPart) -> tuple[int, int] | None:
@@ -129,14 +144,13 @@ def _place(readings: PictureReadings, part: PointPart) -> tuple[int, int] | None
     best: tuple[float, tuple[int, int]] | None = None
     for page in middle_pages(readings):
         counts = page.counts - float(np.median(page.counts))
+        clear = CLEAR * deviation(counts, 1.0)
         row, column = np.indices(counts.shape)
         if part.near is not None:
             off = np.hypot(column - _near_px(part)[0], row - _near_px(part)[1])
-            counts = np.where(off <= _NEAR_PX, counts, 0.0)
+            counts = np.where(off <= NEAR_PX, counts, 0.0)
         most = float(counts.max())
-        if most > _CLEAR * float(np.median(np.abs(counts))) and (
-            best is None or most > best[0]
-        ):
+        if most > clear and (best is None or most > best[0]):
             down, right = np.unravel_index(int(np.argmax(counts)), counts.shape)
             best = most, (int(right), int(down))
     return None if best is None else best[1]
@@ -166,7 +180,7 @@ def _pictures(
         if counts.max() >= intake.top:
             message = f"{page.name} is saturated where the point is"
             where = Span(file=str(page.path))
-            intake.report.error(CODE, where, message, f"photograph {_TAKE}")
+            intake.report.error(CODE, where, message, _HINT)
             return
         rows, columns = counts.shape
         yield PointPicture(
@@ -178,31 +192,6 @@ def _pictures(
             shown=light(counts, intake.top, part.sensor),
             used=np.ones(counts.shape, dtype=np.bool_),
         )  # fmt: skip
-
-
-def _peak(picture: PointPicture) -> float:
-    """Return the light of the brightest pixel over the usual one."""
-    shown: FloatArray = picture.shown
-    return float(shown.max() - np.median(shown))
-
-
-def _sharpest_um(pictures: list[PointPicture]) -> float:
-    """Return the reading of the picture with the brightest point."""
-    return max(pictures, key=_peak).z_um
-
-
-def _unfit(pictures: list[PointPicture]) -> str:
-    """Return why pictures tell no lens, "" if they may."""
-    readings = {each.z_um for each in pictures}
-    if len(readings) < FEWEST_BLOCKS:
-        return f"{len(readings)} focus readings, {FEWEST_BLOCKS} are needed"
-    if min(pictures[0].shown.shape) < 2 * _LEAST_PX:
-        return f"the point is nearer to the border than {_LEAST_PX} px"
-    best = _sharpest_um(pictures)
-    sides = sum(z < best for z in readings), sum(z > best for z in readings)
-    if min(sides) < FEWEST_ASIDE:
-        return f"{sides[0]} readings below the sharpest, {sides[1]} above it"
-    return ""
 
 
 def _series(
