@@ -101,12 +101,8 @@ def part_task(call: PartCall, report: Report) -> Task | None:
 def point_radius_um(call: PartCall, most_um: float) -> float | None:
     """Return the radius of a drawing's only disc, of at most so many um across.
 
-    None of anything larger, which `part_task` has findings about.
-
-    Raises
-    ------
-    CallError
-        MP903 if all rings are so small, but are not one disc.
+    None of anything larger, which `part_task` has findings about. CallError, MP903, if
+    all rings are so small but are not one disc.
     """
     opened = _opened(call, Report())
     if opened is None or not isinstance(opened[0], Drawing):
