@@ -35,13 +35,9 @@ _RIM = 1.001  # steps from the end of a grid: four points lie about each place
 
 @compiled
 def _between(
-    grids: Float32Array,
-    first: int,
-    columns: int,
-    ends: tuple[float, float],
-    u: float,
-    v: float,
-) -> float:
+    grids: Float32Array, first: int, columns: int, ends: tuple[float, float],
+    u: float, v: float,
+) -> float:  # fmt: skip
     """Return the value by the four points about a place in one grid."""
     u, v = min(max(u, 0.0), ends[0]), min(max(v, 0.0), ends[1])
     column, row = int(u), int(v)
@@ -72,11 +68,10 @@ def _normal(
     """Return the unit vector outwards of the nearest edge at a place."""
     c, s, columns = bodies[k, _C], bodies[k, _S], int(bodies[k, _COLUMNS])
     u, v = c * x + s * y + bodies[k, _U], c * y - s * x + bodies[k, _V]
-    start, ends = int(bodies[k, _FIRST]), (columns - _RIM, bodies[k, _ROWS] - _RIM)
-    nu = _between(grids, start, columns, ends, u + _ASIDE, v)
-    nu -= _between(grids, start, columns, ends, u - _ASIDE, v)
-    nv = _between(grids, start, columns, ends, u, v + _ASIDE)
-    nv -= _between(grids, start, columns, ends, u, v - _ASIDE)
+    first, ends = int(bodies[k, _FIRST]), (columns - _RIM, bodies[k, _ROWS] - _RIM)
+    grid = grids, first, columns, ends
+    nu = _between(*grid, u + _ASIDE, v) - _between(*grid, u - _ASIDE, v)
+    nv = _between(*grid, u, v + _ASIDE) - _between(*grid, u, v - _ASIDE)
     length, step = max(math.hypot(nu, nv), 1e-6), bodies[k, _STEP]
     nu, nv = nu / length, nv / length
     if length < 2 * _ASIDE * step * _EVEN:
@@ -86,11 +81,9 @@ def _normal(
 
 @compiled
 def _beside_corner(
-    grids: Float32Array,
-    body: FloatArray,
-    place: tuple[float, float],
+    grids: Float32Array, body: FloatArray, place: tuple[float, float],
     between: tuple[float, float],
-) -> tuple[float, float]:
+) -> tuple[float, float]:  # fmt: skip
     """Return the unit vector outwards of the nearer edge of a corner at a place.
 
     In the grid's frame, as is that `between` both, which stays where no corner is near.
@@ -114,18 +107,10 @@ def _beside_corner(
 
 @compiled
 def first_met(
-    grids: Float32Array,
-    bodies: FloatArray,
-    floor_um: float,
-    x_um: Float32Array,
-    y_um: Float32Array,
-    across: Float32Array,
-    up: Float32Array,
-    slopes: FloatArray,
-    wide_um: Float32Array,
-    first: Float32Array,
-    whose: IntArray,
-) -> None:
+    grids: Float32Array, bodies: FloatArray, floor_um: float,
+    x_um: Float32Array, y_um: Float32Array, across: Float32Array, up: Float32Array,
+    slopes: FloatArray, wide_um: Float32Array, first: Float32Array, whose: IntArray,
+) -> None:  # fmt: skip
     """Find where rays meet their first body, and whose wall it is if that mirrors.
 
     They go on as far as no wall can be, again and again.
@@ -158,33 +143,18 @@ def first_met(
             d = _distance(grids, bodies, k, x, y)
             if d >= max(abs(top), abs(low)) * steepest + wide:
                 continue  # no ray meets it
-            if -d >= abs(top) * steepest + wide:
-                _end_on_top(top, first[p], whose[p])
-                continue
             rays = x_um[p], y_um[p], across, up, slopes
             sure = d - wide, -d - wide
             _meet_body(grids, bodies[k], k, low, sure, rays, first[p], whose[p])
 
 
 @compiled
-def _end_on_top(top_um: float, first: Float32Array, whose: IntArray) -> None:
-    """End all rays of a point on a body's top that no higher one stops, in place."""
-    for r in range(first.size):
-        if top_um > first[r]:
-            first[r], whose[r] = top_um, -1
-
-
-@compiled
 def _meet_body(
-    grids: Float32Array,
-    body: FloatArray,
-    k: int,
-    low_um: float,
+    grids: Float32Array, body: FloatArray, k: int, low_um: float,
     sure_um: tuple[float, float],
     rays: tuple[Float32Array, Float32Array, Float32Array, Float32Array, FloatArray],
-    first: Float32Array,
-    whose: IntArray,
-) -> None:
+    first: Float32Array, whose: IntArray,
+) -> None:  # fmt: skip
     """End rays of a point at a body that they meet above a height, in place.
 
     All of them start at least so far outside the body, and inside. One loop, as below.
