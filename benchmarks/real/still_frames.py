@@ -62,11 +62,12 @@ def _measure(_: Options) -> Iterator[Figure]:
 def _through_lens(call: PartCall) -> PartCall:
     """Return the same call with a workcell that states aberrations."""
     text = Path(call.workcell).read_text(encoding="utf-8")
+    before, optics, after = text.partition("optics:\n")
+    if not optics:
+        raise RuntimeError(f"{call.workcell} has no block of optics")
     found = Path(call.workcell).with_name("lens.yaml")
-    found.write_text(
-        text.replace("optics:\n", f"optics:\n  wavefront: {_TERMS}\n", 1),
-        encoding="utf-8",
-    )
+    lines = f"{before}{optics}  wavefront: {_TERMS}\n{after}"
+    found.write_text(lines, encoding="utf-8")
     return replace(call, workcell=found)
 
 
