@@ -192,7 +192,7 @@ def _ways(edge: tuple[float, ...]) -> tuple[Ends, Ends]:
     """Return an edge's start and end, um, each with the unit vector along it."""
     if len(edge) == 4:
         x0, y0, x1, y1 = edge
-        length = max(math.hypot(x1 - x0, y1 - y0), 1e-9)
+        length = _length_um(edge)
         way = ((x1 - x0) / length, (y1 - y0) / length)
         return ((x0, y0), way), ((x1, y1), way)
     _, _, _, start, sweep = arc = _arc(edge)
