@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import house
 from benchmarks.compiling import (
+    earlier_commits,
     fit,
     fit_outlines,
     imports,
@@ -79,6 +80,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     memory.BENCHMARK,
     compile_rival.BENCHMARK,
     stages.BENCHMARK,
+    earlier_commits.BENCHMARK,
     machines.BENCHMARK,
     control.BENCHMARK,
     measuring.BENCHMARK,

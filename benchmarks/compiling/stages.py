@@ -42,6 +42,7 @@ STAGES: Mapping[str, tuple[str, str]] = {
     "usable_range": ("microplan.planner.looks.look_record", "usable_range"),
     "drifts": ("microplan.planner.budget.allowable_errors", "_reach"),
     "pictures": ("microplan.planner.looks.look_record", "reference_image"),
+    "pairs": ("microplan.planner.looks.model_errors.chain_differences", "image_pairs"),
 }
 RENDERERS = ("render_lit", "occluded")  # of `microplan.featuresel.look.scenario`
 
@@ -162,12 +163,16 @@ def figures(preset: str, found: Spent, floor_s: float) -> Iterator[Figure]:
     images = sum(count for *_, count in found.images)
     yield Figure(name=f"{name}.images", value=images, unit="1")
     yield Figure(name=f"{name}.optics_share", value=found.optics_share, unit="1")
+    if preset == "balanced":
+        share = found.stages_s["pairs"] / found.total_s
+        yield Figure(name="compile.judge_share", value=share, unit="1")
 
 
 def _names(preset: str) -> tuple[str, ...]:
     stages = (f"{stage}_s" for stage in STAGES)
     kinds = ("cpu_s", *stages, "images", "optics_share")
-    return tuple(f"compile.{preset}.{kind}" for kind in kinds)
+    names = tuple(f"compile.{preset}.{kind}" for kind in kinds)
+    return (*names, "compile.judge_share") if preset == "balanced" else names
 
 
 BENCHMARK = Benchmark(

@@ -4,7 +4,8 @@ Parts are drawn at random: polygons and half discs with holes, thin slots side b
 toothed discs; so are reflectances, backgrounds, focus, zoom, a neighbour above or
 below. The prediction comes from what routines are prepared with, another defocus law,
 fast and integrated over pixels; the truth from the oracle's exact law at points, layer
-by layer. In light from below and from a ring the truth is traced ray by ray
+by layer, with what two of them hide together by rays (`hidden_together.py`). In light
+from below and from a ring the truth is traced ray by ray
 (`benchmarks.selection.lit_parts.py`).
 """
 
@@ -18,6 +19,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.localisation.hidden_together import hidden_together
 from benchmarks.selection.lit_parts import KINDS, judged
 from benchmarks.selection.random_parts import random_case
 from microplan.arrays import FloatArray
@@ -100,7 +102,10 @@ def true_slope(case: LookCase, contour: FloatArray) -> FloatArray:
 
 
 def _exact(case: LookCase, scope: Microscope, window: Window) -> FloatArray:
-    """Return the layers by the exact law, laid over each other from below."""
+    """Return the layers by the exact law, laid over each other from below.
+
+    What two of them hide together is mended by rays.
+    """
     image = np.full((window.rows, window.columns), case.background)
     moved = [
         replace(
@@ -108,7 +113,8 @@ def _exact(case: LookCase, scope: Microscope, window: Window) -> FloatArray:
         )
         for layer in case.moving
     ]
-    for layer in sorted((*case.static, *moved), key=lambda one: one.z_um):
+    layers = sorted((*case.static, *moved), key=lambda one: one.z_um)
+    for layer in layers:
         z_um = layer.z_um - case.focus_um
         oracle = Oracle.of(
             layer.outline,
@@ -119,6 +125,8 @@ def _exact(case: LookCase, scope: Microscope, window: Window) -> FloatArray:
         )
         coverage = oracle.image("exact", z_um)
         image = (1 - coverage) * image + layer.reflectance * coverage
+    if len(layers) > 1:
+        image += hidden_together(case, layers, scope, window)
     return image
 
 
