@@ -19,7 +19,7 @@ from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
 from tests.optics.light.sharp_rays import sharp_polygon
 
-_RAYS = 400
+_RAYS = 1024
 
 
 def hidden_together(
@@ -39,8 +39,8 @@ def hidden_together(
     Returns
     -------
     (rows, columns) array
-        Shares of full scale in even light, without diffraction: smooth where
-        both layers are blurred, 0 where one is not.
+        Shares of full scale in even light: smooth where both layers are blurred, 0
+        where one is not. What meets in focus is cut off before it diffracts.
     """
     shape = window.rows, window.columns
     moves = [_moves_px(layer.z_um - case.focus_um, scope) for layer in layers]
@@ -56,7 +56,16 @@ def hidden_together(
         ]
         together += _laid(case.background, layers, hit) / _RAYS
         shares += np.array(hit) / _RAYS
-    return together - _laid(case.background, layers, shares)
+    return _seen(together - _laid(case.background, layers, shares), scope)
+
+
+def _seen(image: FloatArray, scope: Microscope) -> FloatArray:
+    """Return what the lens resolves of an image in focus: its optical transfer."""
+    frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, image.shape), indexing="ij"))
+    cutoff = 2 * scope.aperture / scope.wavelength_um * scope.um_per_px
+    s = np.minimum(frequency / cutoff, 1)
+    transfer = 2 / math.pi * (np.arccos(s) - s * np.sqrt(1 - s**2))
+    return np.asarray(np.fft.ifft2(np.fft.fft2(image) * transfer).real)
 
 
 def _laid(

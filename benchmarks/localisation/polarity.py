@@ -37,7 +37,7 @@ _SEED = 7
 _OVER = 4  # truth's samples per pixel: .27 um at m = 6.9, below the band's .36
 _POINT = 1e-12  # fill factor: no area
 _WRAP = 4e-3  # error of the reference allowed: .2 of the faintest step, and spread out
-_STEP_UM = 0.2  # of the derivative across an edge, well below the resolution of .87
+_ASIDE = 1.0  # of the blur in focus: where an edge's sides are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +57,8 @@ def judge(seed: int) -> Judged:
     case = random_case(np.random.default_rng((_SEED, seed)))
     found = predict(nominal_render(case), case.target)
     contour = np.array(case.target.contour)
-    slope = true_slope(case, contour)
-    wrong = found.kept & (slope * found.step <= 0)
+    brighter = outside_less_inside(case, contour)
+    wrong = found.kept & (brighter * found.step <= 0)
     return Judged(
         points=len(contour), kept=int(found.kept.sum()), wrong=int(wrong.sum())
     )
@@ -70,8 +70,8 @@ def judge_lit(kind: str, seed: int) -> Judged:
     return Judged(points=points, kept=kept, wrong=wrong)
 
 
-def true_slope(case: LookCase, contour: FloatArray) -> FloatArray:
-    """Return (N,) how fast the exact image brightens outwards at the points, per px."""
+def outside_less_inside(case: LookCase, contour: FloatArray) -> FloatArray:
+    """Return (N,) how much brighter the exact image is outside of edges than inside."""
     scope = replace(
         case.microscope,
         pitch_um=case.microscope.pitch_um / _OVER,
@@ -89,12 +89,12 @@ def true_slope(case: LookCase, contour: FloatArray) -> FloatArray:
         columns=w.columns * _OVER,
     )
     image = _exact(case, scope, window)
-    step_px = _STEP_UM * scope.px_per_um
+    aside_px = _ASIDE * scope.airy_radius_um * scope.px_per_um
     ends = [
         cubic(
             image,
-            (where[:, 0] + 0.5) * _OVER - 0.5 + side * step_px * where[:, 2],
-            (where[:, 1] + 0.5) * _OVER - 0.5 + side * step_px * where[:, 3],
+            (where[:, 0] + 0.5) * _OVER - 0.5 + side * aside_px * where[:, 2],
+            (where[:, 1] + 0.5) * _OVER - 0.5 + side * aside_px * where[:, 3],
         )[0]
         for side in (1, -1)
     ]

@@ -41,6 +41,8 @@ _ACROSS = 0.5  # of a step must be between points one blur off the edge
 # each of which errs by .012 rms (`microplan.optics.ledger.LIT_ERROR`), and of one
 # beside edges, where it errs by .125 rms of all that lies within two blurs
 _TRUSTED, _SWING = 0.07, 0.5
+_CORNER = 0.7  # cosine between normals: what turns by more is another edge
+_AT_ONCE = 256  # points that all are compared with: a limit to memory
 _AIRY = 1.22  # radius of the first dark ring, over the period of the cutoff
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
@@ -82,7 +84,7 @@ def predict(
     sign at focus errors of two sigma to both sides, and where the target is sharpest
     (no spurious resolution). In a ring's light, where edges are lines and walls throw
     shadows, a step must stand between points one blur off the drawn edge, too, wherever
-    in their roundings lines lie.
+    in their roundings lines lie, and no corner may be half as near.
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     image = render() if image is None else image
@@ -94,6 +96,7 @@ def predict(
         kept = kept & _own(render, target, image, where, best)
         kept &= _steadfast(render, target, where, best)
         if render.nuisances.has_lines:
+            kept &= _straight(where, _blur_px(render, target) / 2)
             kept &= _across(render, target, image, where, best)
             kept &= _lined(render, target, where, best)
     return replace(best, kept=kept)
@@ -248,6 +251,17 @@ def _own(
     )
     step = -(across * where[:, 2] - upward * where[:, 3])
     found: BoolArray = step * np.sign(seen.step) >= _OWN * np.abs(seen.step)
+    return found
+
+
+def _straight(where: FloatArray, within_px: float) -> BoolArray:
+    """Return which points have no edge of another direction that near."""
+    found = np.ones(len(where), dtype=np.bool_)
+    for rows in np.array_split(np.arange(len(where)), len(where) // _AT_ONCE + 1):
+        apart = where[rows, None, :2] - where[None, :, :2]
+        is_near = np.sum(apart**2, axis=2) < within_px**2
+        turned = where[rows, 2:] @ where[:, 2:].T < _CORNER
+        found[rows] = ~np.any(is_near & turned, axis=1)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,12 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.localisation.polarity import judge, judge_lit
-from benchmarks.selection.random_parts import polygon
+from benchmarks.selection.lit_parts import lit_case
+from benchmarks.selection.random_parts import polygon, random_case
 from microplan.featuresel.features.contour import with_contour
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contour.polarity import predict
-from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.outline import Outline, Ring
 from microplan.optics.render.scene import Layer, Window
 
 Look = Callable[[str], LookCase]
@@ -38,6 +40,23 @@ def test_rays_agree_on_every_kept_edge_in_other_light(kind: str) -> None:
     found = judge_lit(kind, 0)
     assert found.wrong == 0
     assert found.kept > 0.3 * found.points
+
+
+def test_in_a_ring_s_light_corners_tell_no_polarity() -> None:
+    # where another edge begins within half a blur, which side is inside is not told:
+    # rays find the first point .01 brighter outside, the image .09 darker
+    case = lit_case(random_case(np.random.default_rng((7, 19))), "ring")
+    found = predict(nominal_render(case), case.target)
+    x, y, *_ = case.target.contour[0]
+    ends = [end for ring in case.moving[0].outline.rings for end in corners_of(ring)]
+    assert min(math.dist((x, y), end) for end in ends) < 0.2
+    assert not found.kept[0]
+    assert found.kept.sum() > 1000
+
+
+def corners_of(ring: Ring) -> list[tuple[float, float]]:
+    """Return where a ring's edges begin."""
+    return [edge.start for edge in ring.edges]
 
 
 def test_an_isolated_edge_in_focus_has_the_step_of_its_reflectances(look: Look) -> None:
