@@ -56,6 +56,7 @@ from microplan.planner.looks.records import (
     together_record,
     view_record,
 )
+from microplan.planner.looks.work import DRAW
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
@@ -171,7 +172,7 @@ def measured(
         chosen.chain,
         root_seed=seed,
         draws=context.effort.range_draws,
-        map=context.map,
+        map=context.spread("usable range", lambda _: DRAW * context.effort.range_draws),
     )
     spare = tried.comparison.selection.fallback
     repeated = context.memo.call(
@@ -182,7 +183,7 @@ def measured(
         count=context.effort.random_trials,
         root_seed=seed,
         stops_um=problem.stops_um(case, [usable.focus_um]),
-        map=context.map,
+        map=context.spread("random trials"),
     )
     return MeasuredFeature(
         shape=shape or problem.shape,

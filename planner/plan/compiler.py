@@ -7,7 +7,7 @@ import json
 import math
 import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -27,12 +27,18 @@ from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.picture_errors import report_trueness
+from microplan.planner.looks.work import Counts, Work, shared_counts
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
-from microplan.planner.plan.speculation import Ahead, begin, listen
+from microplan.planner.plan.speculation import (
+    Ahead,
+    begin,
+    listen,
+    plan_work,
+)
 from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.presets import PRESETS, Effort, Preset
@@ -102,11 +108,14 @@ def _compiled(
 ) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with workers(options.jobs) as pool:
+    work = Work(heard=options.progress)
+    if options.jobs > 1:
+        work.counts = shared_counts()
+    with workers(options.jobs, work.counts) as pool:
         context = CompileContext(
             effort=effort, max_image_error=limit, map=map, memo=options.memo
         )
-        steps, timings = _steps(task, todo, context, report, options.progress, pool)
+        steps, timings = _steps(task, todo, context, report, work, pool)
     plan = build_plan(
         task,
         states,
@@ -163,20 +172,32 @@ def build_plan(
 
 
 @contextmanager
-def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
+def workers(
+    jobs: int, counts: Counts | None = None
+) -> Iterator[ProcessPoolExecutor | None]:
     """Yield a pool of `jobs` processes, None for a single one.
 
-    What still runs at the end is cancelled.
+    What still runs at the end is cancelled, and on Ctrl-C ended with its process. What
+    they make is counted in `counts`.
     """
     if jobs <= 1:
         yield None
         return
     unwanted = multiprocessing.Event()
-    with ProcessPoolExecutor(jobs, initializer=listen, initargs=(unwanted,)) as pool:
+    told, others = (unwanted, counts), set(multiprocessing.active_children())
+    with ProcessPoolExecutor(jobs, initializer=listen, initargs=told) as pool:
+        is_stopped = False
         try:
             yield pool
+        except KeyboardInterrupt:
+            is_stopped = True
+            raise
         finally:
-            unwanted.set()
+            if is_stopped:  # nobody waits for the trial that each is at
+                for process in set(multiprocessing.active_children()) - others:
+                    process.terminate()
+            else:
+                unwanted.set()
             pool.shutdown(cancel_futures=True)
 
 
@@ -185,25 +206,27 @@ def _steps(
     states: tuple[StepState, ...],
     context: CompileContext,
     report: Report,
-    progress: Callable[[int, int, str], None],
+    work: Work,
     pool: ProcessPoolExecutor | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `progress` is called with the steps done, their number and the next step's id. Looks
-    are compiled in the processes of a `pool`; a step's time is what it takes wherever.
+    `work` hears how far they have come. Looks are compiled in the processes of a
+    `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
-    ahead = Ahead()
-    if pool is not None:
-        ahead = begin(pool, task, states, context, low)
+    if pool is None:
+        plan_work(work, task, states, context, low)
+        ahead = Ahead(work=work)
+    else:
+        ahead = begin(pool, task, states, context, low, work)
         context = replace(context, map=pool.map)
     history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started, before_s = time.perf_counter(), ahead.elsewhere_s
-        progress(index, len(states), here.step.id)
+        work.step(index, len(states), here.step.id)
         step = compile_step(task, states, index, history, context, report, ahead)
         took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
         timings[f"steps.{here.step.id}_s"] = took_s

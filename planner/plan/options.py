@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort, Preset
+
+if TYPE_CHECKING:  # it loads what an unchanged task does not need
+    from microplan.planner.looks.work import Reached
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,5 +22,5 @@ class Options:
     max_image_error: float | None = None
     confidence: float | None = None  # that P(success) meets the goal; None: it alone
     jobs: int = 1
-    progress: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    progress: Callable[[Reached], None] = lambda _reached: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
