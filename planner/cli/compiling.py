@@ -29,6 +29,9 @@ def compile_task(call: argparse.Namespace) -> int:
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
         return BAD_INPUT
+    if call.preset == "sketch" and call.confidence is not None:
+        tell("--confidence is shown by trials: a sketch has none")
+        return BAD_INPUT
     report, said = Report(), ""
     timings: Mapping[str, float] = {}
     try:

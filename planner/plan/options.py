@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from microplan.planner.store.memo import EVERY_TIME, Memo
-from microplan.planner.task.presets import Effort, Preset
+from microplan.planner.task.presets import Effort, Preset, Sketch
 
 if TYPE_CHECKING:  # it loads what an unchanged task does not need
     from microplan.planner.looks.work import Reached
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # it loads what an unchanged task does not need
 class Options:
     """Options that override the task's own; None leaves it to the task."""
 
-    preset: Preset | None = None
+    preset: Preset | Sketch | None = None
     effort: Effort | None = None  # None: the preset's
     max_image_error: float | None = None
     confidence: float | None = None  # that P(success) meets the goal; None: it alone
