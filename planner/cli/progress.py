@@ -58,7 +58,7 @@ class Pace:
             return None
         each_s = own_s = spent_s / reached.all.made
         made, here_s = reached.here.made - self._made, spent_s - self._since_s
-        if here_s >= KNOWN_S and made >= KNOWN_SHARE * reached.here.needed:
+        if here_s >= KNOWN_S and made > KNOWN_SHARE * reached.here.needed:
             own_s = here_s / made
         here, others = reached.here.left, reached.all.left - reached.here.left
         return own_s * here + each_s * others

@@ -74,6 +74,15 @@ def test_what_another_process_made_before_is_no_pace_of_this_look() -> None:
     assert left_s == pytest.approx(5 * 4.0 + 50 * 60 / 45)
 
 
+def test_a_look_that_makes_nothing_has_no_pace() -> None:
+    """A cache has all of it, or it was not planned."""
+    pace = Pace()
+    pace.left_s(reached(50, "a"), 50.0)
+    for spent_s in (50.0, 100.0):
+        left_s = pace.left_s(reached(50, "c", Images()), spent_s)
+        assert left_s == pytest.approx(50 * spent_s / 50)
+
+
 def test_elsewhere_than_on_a_terminal_a_line_comes_every_ten_seconds(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
