@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 from microplan.schemas.page.console import redraw, tell
 
 if TYPE_CHECKING:
-    from microplan.planner.looks.work import Reached
+    from microplan.planner.looks.progress.work import CompileProgress
     from microplan.planner.store.store import Store
 
 REDRAWN_S = 0.1  # at least between two lines on a terminal
@@ -45,7 +45,7 @@ class Pace:
     _since_s: float = 0.0  # when the present look was begun
     _made: float = 0.0  # of it by then, by another process
 
-    def left_s(self, reached: Reached, spent_s: float) -> float | None:
+    def left_s(self, reached: CompileProgress, spent_s: float) -> float | None:
         """Return the time left, s; None before enough is known.
 
         What is left of the present look is taken at its own pace once that is known,
@@ -70,7 +70,7 @@ class Progress:
 
     clock: Callable[[], float] = time.monotonic
     width: Callable[[], int | None] = lambda: columns(sys.stderr)
-    last: Reached | None = None
+    last: CompileProgress | None = None
     pace: Pace = field(default_factory=Pace)
     _began_s: float = field(init=False)
     _shown_s: float = field(init=False)
@@ -78,7 +78,7 @@ class Progress:
     def __post_init__(self) -> None:
         self._began_s = self._shown_s = self.clock()
 
-    def __call__(self, reached: Reached) -> None:
+    def __call__(self, reached: CompileProgress) -> None:
         """Show it, unless something was shown just now."""
         is_first = self.last is None
         self.last, now_s, width = reached, self.clock(), self.width()
@@ -100,13 +100,13 @@ class Progress:
             redraw("", width - 1)
 
 
-def share(reached: Reached) -> float:
+def share(reached: CompileProgress) -> float:
     """Return the share of the work known that is done, 0..1; 0 if none is known."""
     whole = reached.all
     return min(whole.made / whole.needed, 1.0) if whole.needed > 0 else 0.0
 
 
-def words(reached: Reached, left_s: float | None) -> str:
+def words(reached: CompileProgress, left_s: float | None) -> str:
     """Return what is worked on, how much of all is done, and the time left."""
     stage = f", {reached.stage}" if reached.stage else ""
     steps = f"{reached.steps} of {reached.all_steps} steps"
@@ -135,7 +135,7 @@ def barred(said: str, done: float, width: int) -> str:
     return f"{said} [{'#' * full}{'.' * (room - full)}]"
 
 
-def kept_words(last: Reached | None, store: Store | None) -> str:
+def kept_words(last: CompileProgress | None, store: Store | None) -> str:
     """Return what a compile that is stopped leaves for the next one."""
     if last is None:
         return "nothing was computed yet"

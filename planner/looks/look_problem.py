@@ -17,8 +17,8 @@ from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.progress.work import Stage, Told, nobody, telling
 from microplan.planner.looks.scenario import build_case
-from microplan.planner.looks.work import Stage, Told, nobody, telling
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort
 from microplan.planner.task.task import Task

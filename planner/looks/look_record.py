@@ -49,13 +49,13 @@ from microplan.planner.looks.model_errors.combined_costs import (
 )
 from microplan.planner.looks.model_errors.effect_rows import with_costs
 from microplan.planner.looks.picture_errors import picture_rows
+from microplan.planner.looks.progress.work import DRAW
 from microplan.planner.looks.records import (
     evidence,
     scene_record,
     together_record,
     view_record,
 )
-from microplan.planner.looks.work import DRAW
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture
 from microplan.planner.task.task import Task

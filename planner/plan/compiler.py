@@ -23,7 +23,7 @@ from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.picture_errors import report_trueness
-from microplan.planner.looks.work import Counts, Work, shared_counts
+from microplan.planner.looks.progress.work import Counts, Work, shared_counts
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures

@@ -10,7 +10,7 @@ from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort, Preset, Sketch
 
 if TYPE_CHECKING:  # it loads what an unchanged task does not need
-    from microplan.planner.looks.work import Reached
+    from microplan.planner.looks.progress.work import CompileProgress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,5 +22,5 @@ class Options:
     max_image_error: float | None = None
     confidence: float | None = None  # that P(success) meets the goal; None: it alone
     jobs: int = 1
-    progress: Callable[[Reached], None] = lambda _reached: None
+    progress: Callable[[CompileProgress], None] = lambda _reached: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing

@@ -21,7 +21,7 @@ from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
 from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.looks.work import (
+from microplan.planner.looks.progress.work import (
     Counts,
     Stage,
     Work,

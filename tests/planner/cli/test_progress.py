@@ -16,14 +16,16 @@ from microplan.planner.cli.progress import (
     kept_words,
     words,
 )
-from microplan.planner.looks.work import Images, Reached
+from microplan.planner.looks.progress.work import CompileProgress, Images
 from microplan.planner.store.store import Store
 
 
-def reached(made: float = 0.0, look: str = "a", here: Images | None = None) -> Reached:
+def reached(
+    made: float = 0.0, look: str = "a", here: Images | None = None
+) -> CompileProgress:
     """Return how far a compile of 100 images in two looks has come."""
     found = here or Images(made, 50)
-    return Reached(
+    return CompileProgress(
         step="find", look=look, stage="race", steps=1, all_steps=3, here=found,
         all=Images(made, 100),
     )  # fmt: skip

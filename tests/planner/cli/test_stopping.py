@@ -16,7 +16,7 @@ import pytest
 
 from microplan.planner.cli.main import main
 from microplan.planner.cli.progress import Progress
-from microplan.planner.looks.work import Reached
+from microplan.planner.looks.progress.work import CompileProgress
 from tests.planner.examples import FEW, ONE_LOOK, ROOT, change, copy_example, cut
 from tests.planner.examples import one_look as with_one_look
 
@@ -46,10 +46,10 @@ def test_a_compile_that_is_stopped_goes_on_from_there(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """What the first step's look made is made no more."""
-    heard: list[Reached] = []
+    heard: list[CompileProgress] = []
     stops = [True]
 
-    def listens(_shown: Progress, reached: Reached) -> None:
+    def listens(_shown: Progress, reached: CompileProgress) -> None:
         heard.append(reached)
         _shown.last = reached
         if stops and reached.steps == 1 and reached.stage == "random trials":

@@ -16,8 +16,8 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
-from microplan.planner.looks.work import (
-    Reached,
+from microplan.planner.looks.progress.work import (
+    CompileProgress,
     Work,
     count,
     images_of,
@@ -91,9 +91,9 @@ def test_what_waits_for_a_look_made_elsewhere_says_how_far_it_is(
     states = unfold(task, report)
     low, _ = task.workcell.optics.magnification
     (asked,) = requests(task, states, 0, None)
-    heard: list[Reached] = []
+    heard: list[CompileProgress] = []
 
-    def hears(reached: Reached) -> None:
+    def hears(reached: CompileProgress) -> None:
         heard.append(reached)
         if not pool.waiting[0].done():
             count(work.counts, 0, "race", 3)  # as the other process does

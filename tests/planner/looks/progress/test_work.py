@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from microplan.planner.looks.work import (
+from microplan.planner.looks.progress.work import (
     STAGES,
+    CompileProgress,
     Images,
-    Reached,
     Stage,
     Work,
     count,
@@ -25,13 +25,13 @@ ALL = sum(PLANNED.values())
 
 
 @pytest.fixture
-def heard() -> list[Reached]:
+def heard() -> list[CompileProgress]:
     """Return what is heard of the work."""
     return []
 
 
 @pytest.fixture
-def work(heard: list[Reached]) -> Work:
+def work(heard: list[CompileProgress]) -> Work:
     """Return the work of two looks, of which nothing is made."""
     found = Work(heard=heard.append)
     found.plan(["a", "b"], FEW)
@@ -39,8 +39,8 @@ def work(heard: list[Reached]) -> Work:
     return found
 
 
-def test_nothing_is_made_at_first(work: Work, heard: list[Reached]) -> None:
-    assert heard[-1] == Reached(
+def test_nothing_is_made_at_first(work: Work, heard: list[CompileProgress]) -> None:
+    assert heard[-1] == CompileProgress(
         step="first", look="", stage="", steps=0, all_steps=2,
         here=Images(), all=Images(0.0, 2 * ALL),
     )  # fmt: skip
@@ -49,7 +49,7 @@ def test_nothing_is_made_at_first(work: Work, heard: list[Reached]) -> None:
 
 
 def test_images_are_counted_in_the_look_that_they_are_of(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     work.told("a")(RACE, 2)
     work.told("b")(RACE, 3)
@@ -61,7 +61,7 @@ def test_images_are_counted_in_the_look_that_they_are_of(
 
 
 def test_a_stage_that_ends_early_leaves_nothing_to_be_made(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     told = work.told("a")
     told(RACE, 1)
@@ -72,7 +72,7 @@ def test_a_stage_that_ends_early_leaves_nothing_to_be_made(
 
 
 def test_what_a_cache_has_is_neither_made_nor_to_be_made(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     work.told("a")(TRIALS, 1)  # the first of it that is computed
     assert heard[-1].here == Images(1, PLANNED[TRIALS])
@@ -84,7 +84,7 @@ def test_what_a_cache_has_is_neither_made_nor_to_be_made(
 
 
 def test_more_than_planned_is_needed_once_it_is_made(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     told = work.told("a")
     told(RACE, PLANNED[RACE])
@@ -95,7 +95,7 @@ def test_more_than_planned_is_needed_once_it_is_made(
 
 
 def test_a_look_that_was_not_planned_counts_for_nothing(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     work.told("c")(RACE, 4)
     work.ended("c")
@@ -103,7 +103,9 @@ def test_a_look_that_was_not_planned_counts_for_nothing(
     assert heard[-1].all == Images(0.0, 2 * ALL)
 
 
-def test_another_process_counts_in_the_same_numbers(heard: list[Reached]) -> None:
+def test_another_process_counts_in_the_same_numbers(
+    heard: list[CompileProgress],
+) -> None:
     work = Work(heard=heard.append, counts=shared_counts())
     work.plan(["a", "b"], FEW)
     work.told("b")
@@ -114,7 +116,7 @@ def test_another_process_counts_in_the_same_numbers(heard: list[Reached]) -> Non
 
 
 def test_without_shared_numbers_what_was_made_is_told_at_the_end(
-    work: Work, heard: list[Reached]
+    work: Work, heard: list[CompileProgress]
 ) -> None:
     work.told("b")
     work.counted("b", (2, 0, 0, 0, PLANNED[TRIALS]))

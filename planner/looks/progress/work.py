@@ -75,7 +75,7 @@ class Images:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reached:
+class CompileProgress:
     """How far a compile has come."""
 
     step: str  # that is being compiled
@@ -129,7 +129,7 @@ class Work:
     """Images of all looks of a compile; changes no result."""
 
     counts: Counts = field(default_factory=own_counts)
-    heard: Callable[[Reached], None] = lambda _reached: None
+    heard: Callable[[CompileProgress], None] = lambda _reached: None
     numbers: dict[str, int] = field(default_factory=dict)  # of looks
     planned: tuple[float, ...] = ()  # of each look, by stage
     at: tuple[int, int, str] = (0, 0, "")  # steps done, all steps, the present one
@@ -179,7 +179,7 @@ class Work:
         known = {look: self._look(number) for look, number in self.numbers.items()}
         done, steps, name = self.at
         self.heard(
-            Reached(
+            CompileProgress(
                 step=name,
                 look=self.look,
                 stage=self._stage(),
