@@ -41,7 +41,7 @@ PLAN = "plan.json"
 REPORT = "report.html"
 FINDINGS = "findings.json"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
-_FOLDERS = (*_ALWAYS, "evidence")
+_FOLDERS = (*_ALWAYS, "evidence", "fits")
 # all names in a plan folder: with another one it may hold a user's own files
 _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", REPORT,

@@ -116,6 +116,17 @@ def test_what_needs_no_trials_counts_against_it(
     assert len(plan.sketched) == 8
 
 
+def test_a_fit_that_cannot_be_stays_infeasible_and_can_be_compiled_again(
+    sketch: Sketch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The post is 60 um thick, the bore 50 um wide; a picture shows the overlap."""
+    change(tmp_path / "task" / "parts" / "shaft_plate.dxf", "22.0", "30.0")
+    for _ in range(2):
+        assert sketch() == 1
+        assert "MP601" in capsys.readouterr().err
+        assert (tmp_path / "new" / "fits" / "insert.png").is_file()
+
+
 def test_its_report_shows_every_picture_and_no_claim(folder: Path) -> None:
     read = read_folder(folder)
     page = check_page(plan_report(read))
