@@ -27,6 +27,7 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP814": ("the station's calibration does not fit the plan", MACHINE),
     "MP815": ("the plan moves farther or faster than the station allows", MACHINE),
     "MP816": ("the simulated cell has no such light", MACHINE),
+    "MP817": ("the plan is a sketch", FAILED),
     "MP820": ("a target was not found", FAILED),
     "MP821": ("a measurement scored too low", FAILED),
     "MP822": ("a target was found too far from where it was expected", FAILED),

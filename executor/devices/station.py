@@ -117,9 +117,15 @@ def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     Raises
     ------
     ExecutorError
-        The first of MP801, MP805..MP811, MP814, MP815, MP837 that holds, with both
-        values; MP841, MP844 or MP847 if readings cannot be had.
+        The first of MP817, MP801, MP805..MP811, MP814, MP815, MP837 that holds, with
+        both values; MP841, MP844 or MP847 if readings cannot be had.
     """
+    if plan.status == "sketch":
+        raise ExecutorError(
+            "MP817",
+            f"{plan.name!r} is a sketch: nothing was tried, so that no look can be made"
+            "; compile it with --preset fast, balanced or accurate",
+        )
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
         raise ExecutorError("MP801", why or "the plan gives no reason")

@@ -16,7 +16,7 @@ from microplan.planner.cli.argument_values import (
 from microplan.planner.cli.picture_arguments import add_calibrate, add_measure
 from microplan.planner.diff.changes import KINDS
 from microplan.planner.diff.tolerances import parse_rule
-from microplan.planner.task.presets import AXES, PRESETS, parse_vary
+from microplan.planner.task.presets import ASKED, AXES, parse_vary
 from microplan.schemas.files.json_schema import NAMES
 from microplan.schemas.page.completion import SHELLS
 from microplan.schemas.page.console import add_version
@@ -107,7 +107,11 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
     _add_jobs(parser, "worker processes")
-    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
+    parser.add_argument(
+        "--preset",
+        choices=ASKED,
+        help="how much to spend; sketch: pictures and findings without a trial",
+    )
     parser.add_argument(
         "--confidence",
         type=asked(confidence, "a number from 0.5 to 0.9999"),

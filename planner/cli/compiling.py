@@ -15,8 +15,8 @@ from microplan.planner.cli.answering import (
     answer,
     asked_for,
     refuse,
-    tell_progress,
 )
+from microplan.planner.cli.progress import Progress, kept_words
 from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.schemas.page.console import tell
 
@@ -28,6 +28,9 @@ def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
+        return BAD_INPUT
+    if call.preset == "sketch" and call.confidence is not None:
+        tell("--confidence is shown by trials: a sketch has none")
         return BAD_INPUT
     report, said = Report(), ""
     timings: Mapping[str, float] = {}
@@ -78,8 +81,14 @@ def _compiled(
             (check_golden if call.update else read_plan)(call.golden)
 
     store = None if call.no_cache else Store(call.cache or place())
-    options = asked_for(Options, call, progress=_tell_step)
-    files = compile_file(call.task, report, options, store, ready)
+    shown = Progress()
+    options = asked_for(Options, call, progress=shown)
+    try:
+        files = compile_file(call.task, report, options, store, ready)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(kept_words(shown.last, store)) from None
+    finally:
+        shown.clear()
     if files is None:
         return None
     folder = call.out or _beside(call.task, files.name)
@@ -102,11 +111,6 @@ def _with_findings(made: PlanBytes, report: Report, folder: Path) -> PlanBytes:
         found.append(replace(each, where=where, message=message, hint=hint))
     data = json_bytes(to_data(tuple(found)))
     return replace(made, files={**made.files, FINDINGS: data})
-
-
-def _tell_step(done: int, count: int, step: str) -> None:
-    """Say which step is being compiled."""
-    tell_progress(f"compiling {step} ({done + 1} of {count}) ...")
 
 
 def _beside(task: str, name: str) -> Path:

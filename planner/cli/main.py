@@ -48,8 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         status = _status(argv)
         flush()
-    except KeyboardInterrupt:
-        tell("stopped")
+    except KeyboardInterrupt as stop:
+        tell("; ".join(["stopped", *stop.args]))
         return STOPPED
     except OutputLostError as error:
         tell(f"error: {error}")

@@ -99,7 +99,9 @@ def changes_json(
         "verdicts": {
             key: {
                 "status": plan.status,
-                "success_probability": plan.success_probability,
+                "success_probability": None
+                if plan.is_sketch
+                else plan.success_probability,
             }
             for key, (_, plan) in (("old", old), ("new", new))
         },

@@ -90,6 +90,8 @@ def trend_of(path: Sequence[str], old: Any, new: Any) -> Trend:
     """Return whether a value got better or worse, "" if it cannot be said."""
     where = keys_of(path)
     if where == "status":
+        if "sketch" in (old, new):
+            return ""  # nobody has tried it
         return "worse" if new == "infeasible" else "better"
     if isinstance(old, bool) or isinstance(new, bool):
         return ""

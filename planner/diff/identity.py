@@ -28,6 +28,7 @@ def _word(value: Any) -> str:
 _IDENTITY: Mapping[str, Callable[[Entry], str]] = {
     "steps": _key("id"),
     "looks": _key("id"),
+    "sketched": _key("id"),
     "others": lambda entry: _word(entry["feature"] if "feature" in entry
                                   else entry["chain"]),
     "chain": _key("id"),

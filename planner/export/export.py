@@ -130,7 +130,8 @@ def outlines(folder: ExportedPlan) -> Outlines:
     """Return the outlines of all looks of a folder."""
     return Outlines(
         plan=folder.plan.name,
-        status=folder.plan.status,
+        # a sketch has no looks
+        status="feasible" if folder.plan.status == "feasible" else "infeasible",
         looks=tuple(look_outlines(folder, viewed) for viewed in folder.looks),
     )
 

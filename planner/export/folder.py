@@ -127,6 +127,7 @@ def _chosen(plan: Plan, wanted: Sequence[str], file: Path) -> list[tuple[Step, L
     looks = [(step, look) for step in plan.steps for look in step.looks]
     if not looks:
         why = f": {plan.reasons[0].message}" if plan.reasons else ""
+        why = why or (": it is a sketch" if plan.is_sketch else "")
         raise ExportError("MP720", f"plan {plan.name!r} has no look{why}", file)
     known = [look.id for _, look in looks]
     for name in wanted:

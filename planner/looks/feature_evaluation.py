@@ -110,7 +110,9 @@ def _tested(
     ) -> Iterable[RoutineComparison]:
         if any(case.key in problem.begun.others for case in cases):
             return (_continued(problem, case) for case in cases)
-        return problem.context.map(compare, cases)
+        trials = problem.context.effort.trials
+        tell = problem.context.spread("other features", lambda _: trials)
+        return tell(compare, cases)
 
     cases = [case for *_, case in candidates]
     found = problem.context.memo.each(_compare, _stakes(problem), cases, spread)
@@ -152,7 +154,8 @@ def _stakes(problem: LookProblem) -> tuple[int, Effort]:
 
 def _continued(problem: LookProblem, case: LookCase) -> RoutineComparison:
     """Return a comparison that goes on from the results known of it."""
-    looks, spread = problem.begun.others.get(case.key), problem.context.map
+    looks = problem.begun.others.get(case.key)
+    spread = problem.context.spread("other features")
     return _compare(_stakes(problem), case, map=spread, looks=looks)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.evaluate import (
@@ -16,6 +17,7 @@ from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.progress.work import Stage, Told, nobody, telling
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort
@@ -36,6 +38,14 @@ class CompileContext:
     max_image_error: float
     map: Map
     memo: Memo = EVERY_TIME
+    told: Told = nobody  # hears of the stages of the present look
+
+    def spread(self, stage: Stage, images: Callable[[Any], float] = len) -> Map:
+        """Return `map` for a stage, which tells what is made of each item.
+
+        By itself an item is of trials, with an image each.
+        """
+        return telling(self.map, self.told, stage, images)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +154,7 @@ class LookProblem:
             thorough=effort.thorough,
             to_the_end=to_the_end,
             limited=effort.limited,
-            map=context.map,
+            map=context.spread("race"),
             looks=self.begun.looks,
             rejected=rejected,
         )

@@ -15,7 +15,6 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.repeatability import Repeated, repeatability
 from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.optics.lens.sensor import as_shown
 from microplan.planner.looks.edge_shifts.coherence_shift import (
     CoherenceShift,
     coherence_shift,
@@ -35,7 +34,7 @@ from microplan.planner.looks.evaluation import (
     used_alone,
 )
 from microplan.planner.looks.evidence import LookFigures, evidence_of
-from microplan.planner.looks.full_frames import frame, seen_scene
+from microplan.planner.looks.full_frames import nominal_picture
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.measures import (
     MeasuredFeature,
@@ -50,6 +49,7 @@ from microplan.planner.looks.model_errors.combined_costs import (
 )
 from microplan.planner.looks.model_errors.effect_rows import with_costs
 from microplan.planner.looks.picture_errors import picture_rows
+from microplan.planner.looks.progress.work import DRAW
 from microplan.planner.looks.records import (
     evidence,
     scene_record,
@@ -57,16 +57,17 @@ from microplan.planner.looks.records import (
     view_record,
 )
 from microplan.planner.store.memo import EVERY_TIME, Memo
-from microplan.planner.store.pictures import Picture, picture
+from microplan.planner.store.pictures import Picture
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import (
     middle_sigma_um,
 )
 from microplan.planner.views.requests import Request
-from microplan.planner.views.scenes import look_scene, world_scene
+from microplan.planner.views.scenes import look_scene
 from microplan.planner.views.target_views import target_pose
 from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.view_verdict import view_verdict
+from microplan.planner.views.views import ViewPlan
 from microplan.schemas import plan as p
 from microplan.schemas.files.evidence import LookScene
 from microplan.schemas.plan.views import ZoomTried
@@ -171,7 +172,7 @@ def measured(
         chosen.chain,
         root_seed=seed,
         draws=context.effort.range_draws,
-        map=context.map,
+        map=context.spread("usable range", lambda _: DRAW * context.effort.range_draws),
     )
     spare = tried.comparison.selection.fallback
     repeated = context.memo.call(
@@ -182,7 +183,7 @@ def measured(
         count=context.effort.random_trials,
         root_seed=seed,
         stops_um=problem.stops_um(case, [usable.focus_um]),
-        map=context.map,
+        map=context.spread("random trials"),
     )
     return MeasuredFeature(
         shape=shape or problem.shape,
@@ -305,7 +306,15 @@ def _look(
         id=request.id,
         target=shape.name,
         view=view,
-        scene=scene_record(task, request, case, shape, path, image),
+        scene=scene_record(
+            task,
+            request,
+            case.microscope,
+            case.static + case.moving,
+            shape,
+            path,
+            image,
+        ),
         effects=(
             *with_costs(decided.effects, found[0].charges),
             *moved_rows(task.workcell.optics.coherence, case, shift),
@@ -332,9 +341,10 @@ def reference_image(
     As the camera counts it, its response included.
     What the case's fidelity was chosen for is its region.
     """
-    cell, scope = task.workcell, case.microscope
-    seen = seen_scene(cell, world_scene(task, request.state), scope, case.focus_um)
-    image = frame(
-        cell, seen, scope, focus_um=case.focus_um, level=case.light.gain, memo=memo
+    view = ViewPlan(
+        microscope=case.microscope,
+        focus_um=case.focus_um,
+        light=case.light.gain,
+        region=case.window,
     )
-    return picture(as_shown(image, case.sensor))
+    return nominal_picture(task, request, view, memo)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bounds import (
@@ -19,6 +19,8 @@ from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.repeatability import Trueness
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
+from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.looks.evaluation import ChosenSet, Evaluation
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.planner.task.task import Task
@@ -197,19 +199,18 @@ def _lack(
 def scene_record(
     task: Task,
     request: Request,
-    case: LookCase,
+    scope: Microscope,
+    layers: Iterable[Layer],
     shape: TargetShape,
     name: str,
     image: Picture,
 ) -> p.SceneRecord:
     """Return the scene's layers, and the edges that are hidden or shaded."""
     spot = target_pose(task, request, shape)
-    scope = case.microscope
-    layers = sorted(case.static + case.moving, key=lambda la: (la.z_um, la.name))
     return p.SceneRecord(
         layers=tuple(
             p.LayerRecord(name=la.name, z_um=la.z_um, reflectance=la.reflectance)
-            for la in layers
+            for la in sorted(layers, key=lambda la: (la.z_um, la.name))
         ),
         shades=shade_of(
             task, request.state, shape, spot, scope.aperture, scope.medium_index

@@ -219,13 +219,18 @@ def _placed(layer: Layer, spot: Place) -> Layer:
     return replace(layer, outline=outline)
 
 
+def seen_layers(task: Task, request: Request, view: ViewPlan) -> tuple[Layer, ...]:
+    """Return the layers that are seen in a look's region, or shade what is."""
+    scope, scene = view.microscope, world_scene(task, request.state)
+    slope = lamp_slope(task.workcell, scope)
+    return lit(scene, scope, view.focus_um, view.region, slope)
+
+
 def _layers(
     task: Task, request: Request, shape: TargetShape, view: ViewPlan
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
     """Return the layers that are fixed in trials, and those that move."""
-    scope, scene = view.microscope, world_scene(task, request.state)
-    slope = lamp_slope(task.workcell, scope)
-    seen = lit(scene, scope, view.focus_um, view.region, slope)
+    seen = seen_layers(task, request, view)
     known = {layer.name: layer for layer in seen}
     own = {name for name in known if name.partition(".")[0] == shape.owner}
     static = tuple(layer for layer in seen if layer.name not in own)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 
-from microplan.planner.assembly.assembly import State
 from microplan.planner.assembly.initial_state import initial
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.world import (
@@ -27,28 +23,37 @@ from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.picture_errors import report_trueness
+from microplan.planner.looks.progress.work import Counts, Work, shared_counts
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
-from microplan.planner.plan.speculation import Ahead, begin, listen
+from microplan.planner.plan.sketch import sketch_looks
+from microplan.planner.plan.speculation import (
+    Ahead,
+    begin,
+    listen,
+    plan_work,
+)
 from microplan.planner.plan.steps import CompiledStep, compile_step
+from microplan.planner.plan.task_records import (
+    beliefs_of,
+    feature_places,
+    inputs_of,
+    provenance_of,
+)
 from microplan.planner.source.diagnostics import Report, Span
-from microplan.planner.task.presets import PRESETS, Effort, Preset
+from microplan.planner.task.presets import PRESETS, Effort, Preset, Sketch
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
 from microplan.planner.views.alignments import check_tolerances
 from microplan.planner.views.check_task import check_fits
 from microplan.planner.views.fit_angles import unfold_with_angles
-from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
-from microplan.schemas.codec import to_data
 from microplan.schemas.files.evidence import Scenes
-from microplan.schemas.pose import Pose
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
-PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
@@ -65,6 +70,8 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     can_align = check_tolerances(task, states, report)
     if report.failed:
         return None
+    if options.preset == p.SKETCH:
+        return _sketch(task, states, options, report, started)
     preset = options.preset or task.optimise.prefer
     effort, before = options.effort or PRESETS[preset], tuple(report.found)
     todo = states if can_align else ()
@@ -87,7 +94,37 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         figures=tuple(look.figures for look in looks if look.figures is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
-        inputs=_inputs(report),
+        inputs=inputs_of(report),
+    )
+
+
+def _sketch(
+    task: Task,
+    states: tuple[StepState, ...],
+    options: Options,
+    report: Report,
+    started_s: float,
+) -> PlanFiles:
+    """Return a plan of what looks show, in which nothing was tried.
+
+    Everything that needs no trials has been checked, and counts against it.
+    """
+    limit = options.max_image_error or task.optimise.image_error(task.optimise.prefer)
+    found = sketch_looks(task, states, report, options.memo)
+    plan = build_plan(task, states, (), report, preset=p.SKETCH, limit=limit)
+    if not plan.reasons:
+        plan = replace(plan, status=p.SKETCH)
+    return PlanFiles(
+        plan=replace(plan, sketched=tuple(each.look for each in found)),
+        world=build_world(task, initial(task)),
+        scenes=Scenes(looks=tuple(each.placed for each in found)),
+        images={
+            **{each.look.scene.image: each.picture for each in found},
+            **fit_pictures(task, states),
+        },
+        arrays={},
+        timings={"total_s": time.perf_counter() - started_s},
+        inputs=inputs_of(report),
     )
 
 
@@ -102,11 +139,14 @@ def _compiled(
 ) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with workers(options.jobs) as pool:
+    work = Work(heard=options.progress)
+    if options.jobs > 1:
+        work.counts = shared_counts()
+    with workers(options.jobs, work.counts) as pool:
         context = CompileContext(
             effort=effort, max_image_error=limit, map=map, memo=options.memo
         )
-        steps, timings = _steps(task, todo, context, report, options.progress, pool)
+        steps, timings = _steps(task, todo, context, report, work, pool)
     plan = build_plan(
         task,
         states,
@@ -125,7 +165,7 @@ def build_plan(
     steps: Sequence[CompiledStep],
     report: Report,
     *,
-    preset: Preset,
+    preset: Preset | Sketch,
     limit: float,
     confidence: float | None = None,
 ) -> p.Plan:
@@ -146,9 +186,9 @@ def build_plan(
         name=task.name,
         status="infeasible" if reasons else "feasible",
         reasons=reasons,
-        provenance=_provenance(task, preset, limit),
+        provenance=provenance_of(task, preset, limit),
         requirements=requirements(task, states, compiled),
-        beliefs=_beliefs(task, start),
+        beliefs=beliefs_of(task, start),
         features=feature_places(task),
         stage_start=axis_move("stage", start.stage),
         robot_start=axis_move("robot", start.robot) if start.tool else None,
@@ -163,20 +203,32 @@ def build_plan(
 
 
 @contextmanager
-def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
+def workers(
+    jobs: int, counts: Counts | None = None
+) -> Iterator[ProcessPoolExecutor | None]:
     """Yield a pool of `jobs` processes, None for a single one.
 
-    What still runs at the end is cancelled.
+    What still runs at the end is cancelled, and on Ctrl-C ended with its process. What
+    they make is counted in `counts`.
     """
     if jobs <= 1:
         yield None
         return
     unwanted = multiprocessing.Event()
-    with ProcessPoolExecutor(jobs, initializer=listen, initargs=(unwanted,)) as pool:
+    told, others = (unwanted, counts), set(multiprocessing.active_children())
+    with ProcessPoolExecutor(jobs, initializer=listen, initargs=told) as pool:
+        is_stopped = False
         try:
             yield pool
+        except KeyboardInterrupt:
+            is_stopped = True
+            raise
         finally:
-            unwanted.set()
+            if is_stopped:  # nobody waits for the trial that each is at
+                for process in set(multiprocessing.active_children()) - others:
+                    process.terminate()
+            else:
+                unwanted.set()
             pool.shutdown(cancel_futures=True)
 
 
@@ -185,25 +237,27 @@ def _steps(
     states: tuple[StepState, ...],
     context: CompileContext,
     report: Report,
-    progress: Callable[[int, int, str], None],
+    work: Work,
     pool: ProcessPoolExecutor | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `progress` is called with the steps done, their number and the next step's id. Looks
-    are compiled in the processes of a `pool`; a step's time is what it takes wherever.
+    `work` hears how far they have come. Looks are compiled in the processes of a
+    `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
-    ahead = Ahead()
-    if pool is not None:
-        ahead = begin(pool, task, states, context, low)
+    if pool is None:
+        plan_work(work, task, states, context, low)
+        ahead = Ahead(work=work)
+    else:
+        ahead = begin(pool, task, states, context, low, work)
         context = replace(context, map=pool.map)
     history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started, before_s = time.perf_counter(), ahead.elsewhere_s
-        progress(index, len(states), here.step.id)
+        work.step(index, len(states), here.step.id)
         step = compile_step(task, states, index, history, context, report, ahead)
         took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
@@ -256,90 +310,3 @@ def _step_at(task: Task, where: Span) -> str:
         if (where.file, where.line) in {(at.file, at.line) for at in places}:
             return step.id
     return ""
-
-
-def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:
-    """Return the provenance of the plan: versions, digests, seed."""
-    return p.Provenance(
-        microplan=version("microplan"),
-        task_sha256=_digest(task.normalised),
-        workcell_sha256=_digest(task.workcell.normalised),
-        drawings_sha256={
-            name: _digest(_part_entry(task, name)) for name in sorted(task.parts)
-        },
-        seed=task.seed,
-        preset=preset,
-        max_image_error=limit,
-    )
-
-
-def _part_entry(task: Task, name: str) -> Mapping[str, object]:
-    """Return a part's normalised entry, its outline included."""
-    parts = task.normalised["parts"]
-    if not isinstance(parts, Mapping):
-        raise TypeError("normalised parts must be a mapping")
-    entry: Mapping[str, object] = parts[name]
-    return entry
-
-
-def _digest(data: object) -> str:
-    """Return the sha256 of plain data, keys sorted."""
-    text = json.dumps(data, sort_keys=True, default=to_data)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
-    """Return the initial pose of every part and the tool, with its uncertainty."""
-    found = [
-        p.Belief(
-            name=name,
-            carrier=part.carrier,
-            pose=part.pose,
-            sigma_xy_um=part.sigma_xy_um,
-            sigma_theta_rad=part.sigma_theta_rad,
-            z_um=task.workcell.stage.datum_z_um + part.z_um,  # all start on the stage
-        )
-        for name, part in sorted(start.parts.items())
-    ]
-    if start.tool is not None:
-        found.append(
-            p.Belief(
-                name=start.tool,
-                carrier="robot",
-                pose=Pose(x_um=0.0, y_um=0.0),
-                sigma_xy_um=start.tip_sigma_um,
-                sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
-            )
-        )
-    return tuple(found)
-
-
-def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
-    """Return the positions of named features in their owners' frames, um."""
-    centers = {
-        f"{part.name}.{name}": (part.name, center)
-        for part in task.parts.values()
-        for name, center in (
-            *((f.name, f.center_um) for f in part.features.values()),
-            ("outline", middle_um(part)),  # as looks at a whole part measure it
-            *((post.name, post.center_um) for post in part.posts.values()),
-        )
-    }
-    return tuple(
-        p.FeaturePlace(
-            name=name,
-            owner=owner,
-            x_um=round(center[0], PLACES),  # what sums leave below means nothing
-            y_um=round(center[1], PLACES),
-        )
-        for name, (owner, center) in sorted(centers.items())
-    )
-
-
-def _inputs(report: Report) -> dict[str, object]:
-    """Return the input files and the versions of libraries; never compared."""
-    names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
-    return {
-        "files": dict(sorted(report.files.items())),
-        "versions": {name: version(name) for name in names},
-    }

@@ -6,10 +6,12 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
+from concurrent.futures import wait as wait_for
 from dataclasses import dataclass, field, replace
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
+from signal import SIG_IGN, SIGINT, signal
 from threading import Thread
 from typing import TypeVar
 
@@ -19,6 +21,14 @@ from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
 from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.looks.progress.work import (
+    Counts,
+    Stage,
+    Work,
+    count,
+    images_of,
+    own_counts,
+)
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, insertion_after, requests
@@ -27,6 +37,9 @@ from microplan.planner.views.views import ViewPlan
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+
+_SAID_S = 0.2  # between two sayings of how far a look elsewhere has come
 
 
 class StoppedError(Exception):
@@ -50,6 +63,7 @@ class _Made:
     looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
     known: Begun  # what its beginning showed, where it was only begun
     findings: tuple[Diagnostic, ...]
+    images: tuple[float, ...]  # that it made, by stage
     took_s: float
 
 
@@ -65,6 +79,7 @@ class Ahead:
         default_factory=dict
     )
     elsewhere_s: float = 0.0  # what others worked while this process waited, and more
+    work: Work = field(default_factory=Work)
 
     def looks(
         self,
@@ -75,6 +90,20 @@ class Ahead:
         report: Report,
     ) -> tuple[CompiledLook, ...]:
         """Return the looks of a request, as `coarse_to_fine.compile_looks` does."""
+        context = replace(context, told=self.work.told(request.id))
+        found = self._looks(task, request, context, current, report)
+        self.work.ended(request.id)
+        return found
+
+    def _looks(
+        self,
+        task: Task,
+        request: Request,
+        context: CompileContext,
+        current: float,
+        report: Report,
+    ) -> tuple[CompiledLook, ...]:
+        """Return the looks of a request, from elsewhere if they are under way."""
         asked, future = self.under_way.pop(request.id, (None, None))
         if asked is None or future is None:
             return compile_looks(task, request, context, current, report)
@@ -82,7 +111,10 @@ class Ahead:
             future.cancel()
             return compile_looks(task, request, context, current, report)
         started = time.perf_counter()
+        while not wait_for([future], _SAID_S).done:
+            self.work.say()
         made = future.result()
+        self.work.counted(request.id, made.images)
         self.elsewhere_s += made.took_s - (time.perf_counter() - started)
         if asked.begun:
             return compile_looks(
@@ -98,25 +130,39 @@ def begin(
     states: tuple[StepState, ...],
     context: CompileContext,
     current: float,
+    work: Work | None = None,
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
 
     A look whose tolerance depends on the looks before it is only begun: evaluated once,
     and the part's other features if that result wants them.
     """
+    work = work or Work()
+    found = plan_work(work, task, states, context, current)
+    under_way = {}
+    alone = replace(context, map=until_told)
+    for asked in sorted(found, key=lambda asked: (not asked.begun, -_area(asked))):
+        number = work.number(asked.request.id)
+        future = pool.submit(_make, task, asked, alone, number)
+        under_way[asked.request.id] = asked, future
+    return Ahead(under_way=under_way, work=work)
+
+
+def plan_work(
+    work: Work,
+    task: Task,
+    states: tuple[StepState, ...],
+    context: CompileContext,
+    current: float,
+) -> list[_LookRequest]:
+    """Return what all steps ask for if looks before them change nothing: the work."""
     found = [
         asked
         for index in range(len(states))
         for asked in _probable(task, states, index, current)
     ]
-    found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
-    alone = replace(context, map=until_told)
-    return Ahead(
-        under_way={
-            asked.request.id: (asked, pool.submit(_make, task, asked, alone))
-            for asked in found
-        }
-    )
+    work.plan([asked.request.id for asked in found], context.effort)
+    return found
 
 
 def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
@@ -127,16 +173,20 @@ def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]
         yield function(item)
 
 
-def listen(unwanted: Event) -> None:
+def listen(unwanted: Event, counts: Counts | None = None) -> None:
     """Set the event that stops this process, and end it with the one that began it.
+
+    Ctrl-C is for that one, which then sets the event. Images are counted in `counts`.
 
     A pool's processes do not notice when that is killed: each waits for the next task
     on a pipe that the others hold open.
     """
-    global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
-    _unwanted = unwanted
+    # a pool's processes are told things in this way
+    global _unwanted, _counts
+    _unwanted, _counts = unwanted, counts
     parent = parent_process()
     if parent is not None:
+        signal(SIGINT, SIG_IGN)
         Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
 
 
@@ -147,6 +197,7 @@ def _end_with(sentinel: int) -> None:
 
 
 _unwanted: Event | None = None
+_counts: Counts | None = None
 
 
 def _probable(
@@ -184,9 +235,19 @@ def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -
     return asked.request == bare and asked.settings == tuple(settings)
 
 
-def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
-    """Compile a look, or begin to."""
+def _make(
+    task: Task, asked: _LookRequest, context: CompileContext, number: int
+) -> _Made:
+    """Compile a look, or begin to; its images count under its number, too."""
     started, report, known = time.perf_counter(), Report(), Begun()
+    own = own_counts(1)
+
+    def told(stage: Stage, images: float) -> None:
+        count(own, 0, stage, images)
+        if _counts is not None:
+            count(_counts, number, stage, images)
+
+    context = replace(context, told=told)
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
         look_at_first(task, asked.request, context, asked.settings[0], known)
@@ -196,5 +257,6 @@ def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
         looks=looks,
         known=known,
         findings=tuple(report.found),
+        images=images_of(own, 0),
         took_s=time.perf_counter() - started,
     )

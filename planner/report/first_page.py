@@ -13,8 +13,14 @@ from microplan.planner.report.margins import (
     methods,
     needed_probability,
 )
+from microplan.planner.report.sketched import sketch_contents
 from microplan.planner.report.steps import left_out, step_id
-from microplan.planner.store.summary import ends_before, lower_words, outside_words
+from microplan.planner.store.summary import (
+    NOT_SHOWN,
+    ends_before,
+    lower_words,
+    outside_words,
+)
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
 from microplan.schemas.page.axes import AxisScale, ChartField, around
@@ -38,6 +44,8 @@ _MOST_LOOKS = 5  # on the first page, the narrowest
 def first_page(folder: ReportedPlan) -> Element:
     """Return the first page, the summary of the whole plan."""
     plan = folder.plan
+    if plan.is_sketch:
+        return el("section", _verdict(plan), class_="first", id="verdict")
     found = margins(plan)
     figures = [_yield(folder), error_picture(folder), _depth(folder)]
     return el(
@@ -56,9 +64,8 @@ def first_page(folder: ReportedPlan) -> Element:
 
 def _verdict(plan: Plan) -> list[Node]:
     """Return the verdict, with the reasons against the plan."""
-    good = plan.status == "feasible"
-    words = "Feasible" if good else "Infeasible"
-    lead = el("p", el("span", words, class_=f"verdict {'good' if good else 'bad'}"),
+    kind = {"feasible": " good", "infeasible": " bad"}.get(plan.status, "")
+    lead = el("p", el("span", plan.status.capitalize(), class_=f"verdict{kind}"),
               f": {_chance(plan)}.", class_="lead")  # fmt: skip
     reasons = [
         el("li", el("strong", reason.code), " ",
@@ -83,6 +90,8 @@ def _step_link(plan: Plan, step: str) -> Node:
 
 def _chance(plan: Plan) -> str:
     """Return the probability of success, or where the plan ends."""
+    if plan.is_sketch:
+        return f"a sketch; {NOT_SHOWN}, as nothing was tried"
     ends = ends_before(plan)
     if ends is not None:
         return f"the plan ends before {ends}, so that P(success) is not worked out"
@@ -296,7 +305,10 @@ def depth_um(look: Look) -> float | None:
 def contents(folder: ReportedPlan) -> Iterator[tuple[str, str]]:
     """Yield name and id of the page's sections."""
     yield "Verdict", "verdict"
-    yield "Timeline", "timeline"
+    if folder.plan.is_sketch:
+        yield from sketch_contents(folder)
+    else:
+        yield "Timeline", "timeline"
     for k, step in enumerate(folder.plan.steps, 1):
         yield f"{k}. {step.id}", step_id(step.id)
     if folder.findings:

@@ -19,7 +19,7 @@ from microplan.schemas.files.evidence import FOLDER, LookEvidence
 from microplan.schemas.files.world import World
 from microplan.schemas.folders import contents_within
 from microplan.schemas.page.page import png_size
-from microplan.schemas.plan import Look, Plan
+from microplan.schemas.plan import Look, Plan, SketchedLook
 
 MOST_BYTES = 1 << 24  # of any other file than plan.json
 
@@ -61,10 +61,11 @@ def read_folder(path: Path) -> ReportedPlan:
         for look in looks
         if (found := _typed(LookEvidence, folder, f"{FOLDER}/{look.id}.json"))
     }
-    names = [look.scene.image for look in looks]
+    seen: list[Look | SketchedLook] = [*looks, *plan.sketched]
+    names = [look.scene.image for look in seen]
     names += [shown.image for each in evidence.values() for shown in each.shown]
     pictures = dict(_pictures(folder, names))
-    foreign = frozenset(_foreign(looks, pictures))
+    foreign = frozenset(_foreign(seen, pictures))
     return ReportedPlan(
         plan=plan,
         sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
@@ -88,7 +89,9 @@ def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
         yield name, data
 
 
-def _foreign(looks: list[Look], pictures: Mapping[str, bytes]) -> Iterator[str]:
+def _foreign(
+    looks: list[Look | SketchedLook], pictures: Mapping[str, bytes]
+) -> Iterator[str]:
     """Yield the images of looks whose pixels are others than the plan's."""
     for look in looks:
         data = pictures.get(look.scene.image)

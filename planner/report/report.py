@@ -10,6 +10,7 @@ from microplan.planner.report.first_page import contents, first_page
 from microplan.planner.report.folder import ReportedPlan, read_folder
 from microplan.planner.report.margins import provenance
 from microplan.planner.report.outlines import definitions
+from microplan.planner.report.sketched import sketch_section
 from microplan.planner.report.steps import step_section, timeline
 from microplan.planner.store.folder import REPORT, replace_alike
 from microplan.schemas.page.elements import el
@@ -27,6 +28,8 @@ def plan_report(folder: ReportedPlan) -> str:
     toc = [el("li", link(name, place)) for name, place in contents(folder)]
     steps = [step_section(folder, k, step) for k, step in enumerate(plan.steps, 1)]
     drawn = [*timeline(plan, folder.world)]
+    times = el("section", el("h2", "Timeline"),
+               drawn or el("p", "The plan has no steps."), id="timeline")  # fmt: skip
     nav = el(
         "nav", el("h2", "Contents"), el("ul", toc, class_="contents"),
         aria_label="Contents", id="contents",
@@ -35,8 +38,7 @@ def plan_report(folder: ReportedPlan) -> str:
         "main",
         first_page(folder),
         nav,
-        el("section", el("h2", "Timeline"),
-           drawn or el("p", "The plan has no steps."), id="timeline"),
+        sketch_section(folder) if plan.is_sketch else times,
         steps,
         findings_section(folder.findings),
         el("section", el("h2", "Provenance"), provenance(folder), id="provenance"),

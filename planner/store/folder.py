@@ -41,7 +41,7 @@ PLAN = "plan.json"
 REPORT = "report.html"
 FINDINGS = "findings.json"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
-_FOLDERS = (*_ALWAYS, "evidence")
+_FOLDERS = (*_ALWAYS, "evidence", "fits")
 # all names in a plan folder: with another one it may hold a user's own files
 _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", REPORT,
@@ -52,7 +52,7 @@ _OURS = {
 # "format_version". Its types are not loaded for that: an unchanged task needs none.
 _HEAD = re.compile(
     rb'\{\s*"format_version"\s*:\s*"\d+\.\d+"\s*,\s*"name"\s*:\s*"[^"]*"\s*,'
-    rb'\s*"status"\s*:\s*"(in)?feasible"\s*,\s*"reasons"\s*:'
+    rb'\s*"status"\s*:\s*"(?:(in)?feasible|sketch)"\s*,\s*"reasons"\s*:'
 )
 _HEAD_BYTES = 1 << 12  # a name has 64 letters
 

@@ -6,19 +6,44 @@ from collections.abc import Mapping, Sequence
 
 from microplan.schemas.files.times import SWEEP
 from microplan.schemas.page.figures import chance
-from microplan.schemas.plan import Look, Measure, Plan, Step, VerifyAction
+from microplan.schemas.plan import (
+    SKETCH,
+    Look,
+    Measure,
+    Plan,
+    Step,
+    VerifyAction,
+)
+
+NOT_SHOWN = "P not shown"  # by a plan without trials
 
 
 def plan_summary(plan: Plan) -> str:
     """Return the verdict with what it leaves out, one line per step, and the rest."""
+    if plan.is_sketch:
+        return sketch_summary(plan)
     verdict = [f"{plan.name}: {plan.status}, {_chance(plan)}", *_outside(plan)]
     width = max((len(step.id) for step in plan.steps), default=4)
     steps = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
     return "\n".join([*verdict, *steps, *_look_times(plan)])
 
 
+def sketch_summary(plan: Plan) -> str:
+    """Return the answer of a sketch, and one line per look."""
+    against = "" if plan.status == SKETCH else f"{plan.status}; "
+    width = max((len(look.id) for look in plan.sketched), default=4)
+    lines = [
+        f"{look.id:{width}}  {look.target} at {look.view.magnification:.3g} x, focus "
+        f"at {look.view.focus_um:g} um; {look.scene.image}"
+        for look in plan.sketched
+    ]
+    return "\n".join([f"{plan.name}: {against}sketch: {NOT_SHOWN}", *lines])
+
+
 def success(plan: Plan) -> str:
     """Return the probability of success, as terminals and pages show it."""
+    if plan.is_sketch:
+        return "not shown"
     known = ends_before(plan) is None
     return chance(plan.success_probability) if known else "not worked out"
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 Preset = Literal["fast", "balanced", "accurate"]
+Sketch = Literal["sketch"]  # no preset of a task: nothing is tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +63,9 @@ PRESETS: Mapping[Preset, Effort] = {
         pairs=48,
     ),
 }
+
+
+ASKED: tuple[str, ...] = (*get_args(Sketch), *PRESETS)  # what a call may ask for
 
 
 Axis = Literal["preset", "trials", "frames", "zoom"]

@@ -82,13 +82,21 @@ def tell(text: str, paint: Callable[[str], str] | None = None) -> None:
     _print(text, sys.stderr, paint)
 
 
+def redraw(line: str, width: int) -> None:
+    """Print progress in place on standard error: over the line before, no line end."""
+    _print(line.ljust(width), sys.stderr, lambda text: f"\r{text}\r", end="")
+
+
 def flush() -> None:
     """Have on standard output what others wrote there; raises as `say`."""
     say("")
 
 
 def _print(
-    text: str, stream: TextIO | None, paint: Callable[[str], str] | None = None
+    text: str,
+    stream: TextIO | None,
+    paint: Callable[[str], str] | None = None,
+    end: str = "\n",
 ) -> OSError | None:
     """Print text, if any, and return what lost it.
 
@@ -101,7 +109,7 @@ def _print(
     text = text.encode(encoding, "backslashreplace").decode(encoding)
     text = paint(text) if paint else text
     try:
-        print(text, end="\n" if text else "", file=stream, flush=True)
+        print(text, end=end if text else "", file=stream, flush=True)
     except OSError as error:
         _leave(stream)
         return None if isinstance(error, BrokenPipeError) else error

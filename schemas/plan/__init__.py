@@ -27,6 +27,7 @@ from microplan.schemas.plan.actions import (
 from microplan.schemas.plan.bounds import BiasRow, StepBound, SuccessBound
 from microplan.schemas.plan.document import (
     FORMAT_VERSION,
+    SKETCH,
     Belief,
     FeaturePlace,
     Plan,
@@ -52,6 +53,7 @@ from microplan.schemas.plan.looks import (
     Look,
     SceneRecord,
     Shade,
+    SketchedLook,
     View,
 )
 from microplan.schemas.plan.measures import (
@@ -76,6 +78,7 @@ from microplan.schemas.plan.steps import (
 
 __all__ = [
     "FORMAT_VERSION",
+    "SKETCH",
     "Action",
     "AlignAction",
     "AxesName",
@@ -118,6 +121,7 @@ __all__ = [
     "SceneRecord",
     "Score",
     "Shade",
+    "SketchedLook",
     "Step",
     "StepBound",
     "SuccessBound",

@@ -7,12 +7,13 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from microplan.schemas import version
 from microplan.schemas.codec import CodecError, from_data, to_data
 from microplan.schemas.plan.actions import AxesName, AxisMove
 from microplan.schemas.plan.bounds import SuccessBound
+from microplan.schemas.plan.looks import SketchedLook
 from microplan.schemas.plan.steps import Step
 from microplan.schemas.plan.views import Fingers, Solid
 from microplan.schemas.pose import Pose
@@ -58,7 +59,8 @@ def check_version(data: Any) -> None:
         raise CodecError(f"format_version {error}") from error
 
 
-FORMAT_VERSION = "2.8"
+SKETCH: Final = "sketch"  # the preset, and the status if nothing is against it
+FORMAT_VERSION = "2.9"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +142,8 @@ class Plan:
 
     format_version: str  # major.minor
     name: str  # of the task
-    status: Literal["feasible", "infeasible"]  # the executor refuses an infeasible plan
+    # the executor runs a feasible plan alone; a sketch, added after 2.8, has no trials
+    status: Literal["feasible", "infeasible", "sketch"]
     reasons: tuple[Reason, ...]  # why it is infeasible; () if it is not
     provenance: Provenance  # what it was made from
     requirements: Requirements  # what the station must offer
@@ -149,10 +152,17 @@ class Plan:
     stage_start: AxisMove  # readings before step 1
     robot_start: AxisMove | None  # readings before step 1; None: no robot
     opening_start_um: float | None  # of the jaws before step 1; None: no tool
-    success_probability: float  # of the whole run
+    success_probability: float  # of the whole run; 0: not worked out
     success_goal: float | None  # what the task asks for; None: nothing
     steps: tuple[Step, ...]  # in order
     parts: tuple[Solid, ...] = ()  # the room they take up; (): not told
     fingers: tuple[Fingers, ...] = ()  # of the tool; (): not told
     # Added after 2.3. Lower bound of success_probability; None: unknown.
     success_bound: SuccessBound | None = None
+    # of a sketch, which has no steps. Added after 2.8
+    sketched: tuple[SketchedLook, ...] = ()
+
+    @property
+    def is_sketch(self) -> bool:
+        """Return whether nothing was tried, feasible or not."""
+        return self.provenance.preset == SKETCH

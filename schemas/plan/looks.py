@@ -54,6 +54,17 @@ class SceneRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SketchedLook:
+    """What a look shows at its nominal pose."""
+
+    id: str  # of the look
+    step: str  # that asks for it
+    target: str  # part, part.feature, part.post, tool.grip
+    view: View  # zoom, focus, light
+    scene: SceneRecord  # what is in view
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EffectCost:
     """What an effect above its limit costs a look's chain, by pairs of images."""
 

@@ -27,7 +27,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import flatten
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.plan.compiler import feature_places
+from microplan.planner.plan.task_records import feature_places
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from microplan.planner.views.check_task import check_fits

@@ -20,6 +20,7 @@ from microplan.planner.looks.model_errors.model_cost import (
 )
 from microplan.planner.looks.model_errors.pair_pictures import PairPictures
 from microplan.planner.looks.model_errors.used_poses import LEAST, SPARE, used_poses
+from microplan.planner.looks.progress.work import PAIRS
 
 # Share of a tolerance: where Student's part of a half-width is less, more poses than
 # the least would narrow it by no more than that. As it is looked at after the least, it
@@ -97,7 +98,7 @@ class DifferenceMeter:
             ),
             tuple(self.models[number] for number in numbers),
             poses,
-            map=context.map,
+            map=context.spread("pairs", lambda _: PAIRS),
             known=self.pictures.setdefault(numbers, PairPictures()),
         )
         named = (replace(each, model=numbers[each.model]) for each in found)

@@ -212,7 +212,7 @@ def test_an_infeasible_plan_is_refused(
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ('"format_version": "2.8"', '"format_version": "3.0"'),
+        ('"format_version": "2.9"', '"format_version": "3.0"'),
         ('"steps": [', '"steps": ['[:-1]),
         ('"kind": "grasp"', '"kind": "grip"'),
         ('"opening_um": 96.0', '"opening_um": NaN'),

@@ -103,6 +103,13 @@ def test_an_infeasible_plan_is_refused_with_its_reasons() -> None:
     assert (caught.value.code, caught.value.exit_status) == ("MP801", 1)
 
 
+def test_a_sketch_is_refused_and_sent_to_be_compiled() -> None:
+    plan = replace(plan_of(()), status="sketch")
+    with pytest.raises(ExecutorError, match="compile it") as caught:
+        preflight(plan, station())
+    assert (caught.value.code, caught.value.exit_status) == ("MP817", 1)
+
+
 def test_a_station_that_is_somewhere_else_is_refused() -> None:
     with pytest.raises(ExecutorError, match=r"stage.x_um reads -590") as caught:
         preflight(plan_of(()), displaced(-590.0))

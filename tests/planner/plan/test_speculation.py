@@ -16,7 +16,15 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.looks.progress.work import (
+    CompileProgress,
+    Work,
+    count,
+    images_of,
+    shared_counts,
+)
 from microplan.planner.plan import speculation as ahead
+from microplan.planner.plan.compiler import workers
 from microplan.planner.plan.speculation import StoppedError, begin, listen, until_told
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
@@ -71,6 +79,48 @@ def test_a_look_made_ahead_is_used_only_for_the_same_request(tmp_path: Path) -> 
     pool.waiting[1].set_exception(StoppedError())
     with pytest.raises(StoppedError):  # what its process says of it
         found.looks(task, asked, EFFECTS, low, report)
+
+
+def test_what_waits_for_a_look_made_elsewhere_says_how_far_it_is(
+    tmp_path: Path,
+) -> None:
+    """It stops waiting only for what is said."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, pool = read(file), Report(), Held()
+    states = unfold(task, report)
+    low, _ = task.workcell.optics.magnification
+    (asked,) = requests(task, states, 0, None)
+    heard: list[CompileProgress] = []
+
+    def hears(reached: CompileProgress) -> None:
+        heard.append(reached)
+        if not pool.waiting[0].done():
+            count(work.counts, 0, "race", 3)  # as the other process does
+            if len(heard) == 2:
+                pool.waiting[0].set_exception(StoppedError())
+
+    work = Work(heard=hears)
+    found = begin(pool, task, states, EFFECTS, low, work)
+    with pytest.raises(StoppedError):
+        found.looks(task, asked, EFFECTS, low, report)
+    assert [each.here.made for each in heard] == [0, 3]
+    assert [each.stage for each in heard] == ["", "race"]
+
+
+def two_images() -> None:
+    """Count two images of look 3 of a race, in the process that this runs in."""
+    assert ahead._counts is not None
+    count(ahead._counts, 3, "race", 2)
+
+
+def test_other_processes_count_where_this_one_reads() -> None:
+    counts = shared_counts()
+    with workers(2, counts) as pool:
+        assert pool is not None
+        pool.submit(two_images).result()
+    assert images_of(counts, 3)[0] == 2
+    assert sum(counts) == 2
 
 
 POOL = """

@@ -1,0 +1,219 @@
+"""Work of a compile: the images that its looks are made of, planned and made."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar, get_args
+
+from microplan.featuresel.trials.trials import Map
+from microplan.planner.task.presets import Effort
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+Stage = Literal["race", "other features", "pairs", "usable range", "random trials"]
+STAGES: tuple[Stage, ...] = get_args(Stage)  # in the order that looks have them
+LEAST_PAIRS = 12  # poses of pairs: more are made only where these leave doubt
+# What others cost in images of trials: all pairs at a pose, a draw of the usable range,
+# of which most directions leave many out.
+PAIRS, DRAW = 3.0, 0.5
+DIRECTIONS = 4  # of a usable range
+
+# Told of each stage of a look, and of how many images more it has made.
+Told = Callable[[Stage, float], None]
+
+
+def nobody(_stage: Stage, _images: float) -> None:
+    """Take what is told, and pass it on to nobody."""
+
+
+def telling(
+    spread: Map, told: Told, stage: Stage, images: Callable[[Any], float]
+) -> Map:
+    """Return a `map` that tells what it makes: `images` of each item done."""
+
+    def spread_and_tell(
+        function: Callable[[A], B], items: Iterable[A], /
+    ) -> Iterable[B]:
+        asked = tuple(items)
+        if asked:
+            told(stage, 0.0)
+        for item, found in zip(asked, spread(function, asked), strict=True):
+            told(stage, images(item))
+            yield found
+
+    return spread_and_tell
+
+
+def planned_images(effort: Effort) -> tuple[float, ...]:
+    """Return the images of each of the `STAGES` of one look that an effort plans.
+
+    Nobody knows beforehand whether further features are wanted.
+    """
+    planned: Mapping[Stage, float] = {
+        "race": effort.trials,
+        "pairs": PAIRS * min(effort.pairs, LEAST_PAIRS),
+        "usable range": DIRECTIONS * DRAW * effort.range_draws,
+        "random trials": effort.random_trials,
+    }
+    return tuple(planned.get(stage, 0.0) for stage in STAGES)
+
+
+@dataclass(frozen=True, slots=True)
+class Images:
+    """Images of looks; what a cache has is not among them."""
+
+    made: float = 0.0  # or left out, where fewer were enough
+    needed: float = 0.0  # as far as is known
+
+    @property
+    def left(self) -> float:
+        """Return what is still to be made."""
+        return self.needed - self.made
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompileProgress:
+    """How far a compile has come."""
+
+    step: str  # that is being compiled
+    look: str  # the present one of the step, "" before the first
+    stage: str  # of that look, "" before the first
+    steps: int  # done
+    all_steps: int
+    here: Images  # of the present look
+    all: Images  # of all looks
+
+
+Counts = MutableSequence[float]  # images by look and stage
+_LOOK = len(STAGES) + 1  # numbers of a look: images by stage, whether it has ended
+MOST_LOOKS = 1024  # that are counted
+
+
+def own_counts(looks: int = MOST_LOOKS) -> Counts:
+    """Return counts for one process."""
+    return array("d", bytes(8 * looks * _LOOK))
+
+
+def shared_counts() -> Counts:
+    """Return counts that processes share.
+
+    Without a lock: each number is written by one process at a time, and a process that
+    is killed leaves none locked.
+    """
+    from multiprocessing.sharedctypes import RawArray  # ctypes, for several jobs alone
+
+    counts: Counts = RawArray("d", MOST_LOOKS * _LOOK)
+    return counts
+
+
+def images_of(counts: Counts, look: int) -> tuple[float, ...]:
+    """Return the images of a look by stage."""
+    return tuple(counts[look * _LOOK : (look + 1) * _LOOK - 1])
+
+
+def count(counts: Counts, look: int, stage: Stage, images: float) -> None:
+    """Count images of a look; one process at a time makes any of it."""
+    if look < MOST_LOOKS:
+        at = look * _LOOK + STAGES.index(stage)
+        counts[at] = max(counts[at] + images, _BEGUN)
+
+
+_BEGUN = 1e-6  # images: a stage that made none yet, but is begun
+
+
+@dataclass(slots=True, kw_only=True)
+class Work:
+    """Images of all looks of a compile; changes no result."""
+
+    counts: Counts = field(default_factory=own_counts)
+    heard: Callable[[CompileProgress], None] = lambda _reached: None
+    numbers: dict[str, int] = field(default_factory=dict)  # of looks
+    planned: tuple[float, ...] = ()  # of each look, by stage
+    at: tuple[int, int, str] = (0, 0, "")  # steps done, all steps, the present one
+    look: str = ""  # the present one
+
+    def plan(self, looks: Sequence[str], effort: Effort) -> None:
+        """Begin with the looks that will probably be asked for, nothing made."""
+        self.numbers = {look: number for number, look in enumerate(looks[:MOST_LOOKS])}
+        self.planned = planned_images(effort)
+
+    def step(self, done: int, steps: int, name: str) -> None:
+        """Begin a step, and say so."""
+        self.at, self.look = (done, steps, name), ""
+        self.say()
+
+    def told(self, look: str) -> Told:
+        """Begin a look; return what is to be told of its stages."""
+        number, self.look = self.number(look), look
+
+        def tell(stage: Stage, images: float) -> None:
+            count(self.counts, number, stage, images)
+            self.say()
+
+        return tell
+
+    def number(self, look: str) -> int:
+        """Return the number of a look; one that was not planned is not counted."""
+        return self.numbers.get(look, MOST_LOOKS)
+
+    def counted(self, look: str, images: Sequence[float]) -> None:
+        """Take the images of a look by stage as counted where it was made.
+
+        That may have been without a memory that both share.
+        """
+        at = self.number(look) * _LOOK
+        if look in self.numbers:
+            for offset, known in enumerate(images):
+                self.counts[at + offset] = max(self.counts[at + offset], known)
+
+    def ended(self, look: str) -> None:
+        """Take a look as done, whatever was planned."""
+        if look in self.numbers:
+            self.counts[(self.numbers[look] + 1) * _LOOK - 1] = 1.0
+
+    def say(self) -> None:
+        """Say how far the compile has come."""
+        known = {look: self._look(number) for look, number in self.numbers.items()}
+        done, steps, name = self.at
+        self.heard(
+            CompileProgress(
+                step=name,
+                look=self.look,
+                stage=self._stage(),
+                steps=done,
+                all_steps=steps,
+                here=known.get(self.look, Images()),
+                all=Images(
+                    sum(each.made for each in known.values()),
+                    sum(each.needed for each in known.values()),
+                ),
+            )
+        )
+
+    def _stage(self) -> str:
+        """Return what was begun last of the present look, "" if nothing was."""
+        if self.look not in self.numbers:
+            return ""
+        last = _last(images_of(self.counts, self.numbers[self.look]))
+        return "" if last is None else STAGES[last]
+
+    def _look(self, number: int) -> Images:
+        """Return the images of a look that are made and those known to be needed.
+
+        A stage that is over needs no more; where it made none, none were to be made.
+        """
+        made = images_of(self.counts, number)
+        is_ended = self.counts[(number + 1) * _LOOK - 1]
+        over = len(STAGES) if is_ended else _last(made) or 0
+        found = list(zip(made, self.planned, strict=True))
+        past = sum(max(m, p) for m, p in found[:over] if m)
+        now = sum(m for m, _ in found[over:])
+        return Images(past + now, past + sum(max(m, p) for m, p in found[over:]))
+
+
+def _last(made: Sequence[float]) -> int | None:
+    """Return the last stage that is begun, None if none is."""
+    return max((k for k, images in enumerate(made) if images), default=None)
