@@ -5,11 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -30,10 +27,13 @@ from microplan.planner.looks.picture_errors import report_trueness
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
+from microplan.planner.plan.open_queue import opened
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
-from microplan.planner.plan.speculation import Ahead, begin, listen
+from microplan.planner.plan.speculation import Ahead, begin
 from microplan.planner.plan.steps import CompiledStep, compile_step
+from microplan.planner.queue.work_queue import WorkQueue, mapping
+from microplan.planner.queue.workers import until_told
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.presets import PRESETS, Effort, Preset
 from microplan.planner.task.second_reader import read_twice
@@ -48,6 +48,7 @@ from microplan.schemas.files.evidence import Scenes
 from microplan.schemas.pose import Pose
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
+_WANTED_NOW = 1.0  # priority of the next step's chunks: before looks begun ahead
 PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
 
 
@@ -102,11 +103,11 @@ def _compiled(
 ) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with workers(options.jobs) as pool:
+    with opened(options.jobs, options.scheduler) as queue:
         context = CompileContext(
-            effort=effort, max_image_error=limit, map=map, memo=options.memo
+            effort=effort, max_image_error=limit, map=until_told, memo=options.memo
         )
-        steps, timings = _steps(task, todo, context, report, options.progress, pool)
+        steps, timings = _steps(task, todo, context, report, options.progress, queue)
     plan = build_plan(
         task,
         states,
@@ -162,42 +163,24 @@ def build_plan(
     )
 
 
-@contextmanager
-def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
-    """Yield a pool of `jobs` processes, None for a single one.
-
-    What still runs at the end is cancelled.
-    """
-    if jobs <= 1:
-        yield None
-        return
-    unwanted = multiprocessing.Event()
-    with ProcessPoolExecutor(jobs, initializer=listen, initargs=(unwanted,)) as pool:
-        try:
-            yield pool
-        finally:
-            unwanted.set()
-            pool.shutdown(cancel_futures=True)
-
-
 def _steps(
     task: Task,
     states: tuple[StepState, ...],
     context: CompileContext,
     report: Report,
     progress: Callable[[int, int, str], None],
-    pool: ProcessPoolExecutor | None,
+    queue: WorkQueue | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
     `progress` is called with the steps done, their number and the next step's id. Looks
-    are compiled in the processes of a `pool`; a step's time is what it takes wherever.
+    are compiled by the workers of a `queue`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
     ahead = Ahead()
-    if pool is not None:
-        ahead = begin(pool, task, states, context, low)
-        context = replace(context, map=pool.map)
+    if queue is not None:
+        ahead = begin(queue, task, states, context, low)
+        context = replace(context, map=mapping(queue, _WANTED_NOW))
     history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}

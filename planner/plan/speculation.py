@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from multiprocessing import parent_process
-from multiprocessing.connection import wait
-from multiprocessing.synchronize import Event
-from threading import Thread
-from typing import TypeVar
+from functools import partial
 
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.control import tolerance_um
@@ -19,18 +14,13 @@ from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
 from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.queue.work_queue import WorkQueue
+from microplan.planner.queue.workers import until_told
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, insertion_after, requests
 from microplan.planner.views.target_views import views
 from microplan.planner.views.views import ViewPlan
-
-A = TypeVar("A")
-B = TypeVar("B")
-
-
-class StoppedError(Exception):
-    """The result is not wanted any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +83,7 @@ class Ahead:
 
 
 def begin(
-    pool: Executor,
+    queue: WorkQueue,
     task: Task,
     states: tuple[StepState, ...],
     context: CompileContext,
@@ -113,40 +103,13 @@ def begin(
     alone = replace(context, map=until_told)
     return Ahead(
         under_way={
-            asked.request.id: (asked, pool.submit(_make, task, asked, alone))
-            for asked in found
+            asked.request.id: (
+                asked,
+                queue.submit(partial(_make, task, asked, alone), float(-turn)),
+            )
+            for turn, asked in enumerate(found)
         }
     )
-
-
-def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
-    """Yield `function` of each item; StoppedError once the results are not wanted."""
-    for item in items:
-        if _unwanted is not None and _unwanted.is_set():
-            raise StoppedError
-        yield function(item)
-
-
-def listen(unwanted: Event) -> None:
-    """Set the event that stops this process, and end it with the one that began it.
-
-    A pool's processes do not notice when that is killed: each waits for the next task
-    on a pipe that the others hold open.
-    """
-    global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
-    _unwanted = unwanted
-    parent = parent_process()
-    if parent is not None:
-        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    """End this process when another one does."""
-    wait([sentinel])
-    os._exit(1)
-
-
-_unwanted: Event | None = None
 
 
 def _probable(

@@ -6,9 +6,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from dataclasses import replace
-from multiprocessing import Event
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,8 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
-from microplan.planner.plan import speculation as ahead
-from microplan.planner.plan.speculation import StoppedError, begin, listen, until_told
+from microplan.planner.plan.speculation import begin
+from microplan.planner.queue.workers import StoppedError
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.views.requests import requests
@@ -26,17 +25,20 @@ from tests.planner.examples import EXAMPLE, copy_example, one_look, read
 EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
 
 
-class Held(Executor):
+class Held:
     """Takes work, and leaves it undone."""
 
     def __init__(self) -> None:
         self.waiting: list[Future[Any]] = []
+        self.priorities: list[float] = []
 
-    def submit(
-        self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
-    ) -> Future[Any]:
+    def submit(self, chunk: Callable[[], Any], priority: float = 0.0) -> Future[Any]:
         self.waiting.append(Future())
+        self.priorities.append(priority)
         return self.waiting[-1]
+
+    def close(self) -> None:
+        pass
 
 
 def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
@@ -44,6 +46,7 @@ def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
     pool = Held()
     found = begin(pool, task, unfold(task, Report()), EFFECTS, 6.9)
     assert len(pool.waiting) == 8
+    assert pool.priorities == sorted(pool.priorities, reverse=True)
     names = list(found.under_way)
     assert names[0] == "over_shaft"
     assert sorted(names) == [
@@ -75,10 +78,11 @@ def test_a_look_made_ahead_is_used_only_for_the_same_request(tmp_path: Path) -> 
 
 POOL = """
 import os, time
-from microplan.planner.plan.compiler import workers
-with workers(2) as pool:
-    pool.submit(time.sleep, 300)
-    print(os.getpid(), *pool._processes, flush=True)
+from functools import partial
+from microplan.planner.plan.open_queue import opened
+with opened(2, None) as queue:
+    queue.submit(partial(time.sleep, 300))
+    print(os.getpid(), *queue._pool._processes, flush=True)
     time.sleep(300)
 """
 
@@ -104,15 +108,3 @@ def test_no_process_outlives_a_compiler_that_is_killed() -> None:
     while any(map(runs, pids)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(runs, pids))
-
-
-def test_work_that_nobody_wants_stops(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "_unwanted", None)
-    assert list(until_told(abs, [-1, 2])) == [1, 2]
-    event = Event()
-    listen(event)
-    found = until_told(abs, [-1, 2])
-    assert next(found) == 1
-    event.set()
-    with pytest.raises(StoppedError):
-        next(found)

@@ -1,0 +1,140 @@
+"""The queue that a call asks for: processes of this machine, or a cluster."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from typing import TypeVar
+
+import numpy as np
+
+from microplan.planner.queue.cluster import ClusterQueue
+from microplan.planner.queue.processes import ProcessQueue
+from microplan.planner.queue.work_queue import QueueLostError, WorkQueue
+from microplan.planner.source.diagnostics import CallError
+from microplan.planner.store.memo import sources
+
+R = TypeVar("R")
+
+_LOST = "MP731"
+_ONE_THREAD = "OMP_NUM_THREADS"  # as the command sets it, and Dask for its workers
+
+
+class SchedulerError(CallError):
+    """A scheduler or its workers cannot be used."""
+
+    def __init__(self, address: str, message: str, hint: str) -> None:
+        super().__init__(_LOST, message, address, hint)
+
+
+class OtherVersionError(Exception):
+    """A worker computes something else."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkerKind:
+    """What a worker's results depend on besides the chunk."""
+
+    version: str
+    sources: str  # digest of all that computes
+    cpu: str  # results of another kind may differ in their last digits
+
+
+def own_kind() -> WorkerKind:
+    """Return the kind of this process."""
+    found = np.show_config(mode="dicts") or {}
+    extensions = found.get("SIMD Extensions", {}).get("found", ())
+    threads = os.environ.get(_ONE_THREAD, "all")
+    words = (platform.system(), platform.machine(), *extensions, f"threads={threads}")
+    return WorkerKind(
+        version=version("microplan"), sources=sources(), cpu=" ".join(words)
+    )
+
+
+@contextmanager
+def opened(jobs: int, scheduler: str | None) -> Iterator[WorkQueue | None]:
+    """Yield the queue that is asked for, None for this process alone; it ends after.
+
+    Raises
+    ------
+    SchedulerError
+        MP731 if the scheduler does not answer, or lacks workers of this version.
+    """
+    if scheduler is None and jobs <= 1:
+        yield None
+        return
+    queue = ProcessQueue(jobs) if scheduler is None else cluster(scheduler)
+    try:
+        yield queue
+    except (QueueLostError, OtherVersionError) as error:
+        hint = "what was done is kept; call again once it runs"
+        raise SchedulerError(
+            scheduler or "", f"lost the queue: {error}", hint
+        ) from None
+    finally:
+        queue.close()
+
+
+def cluster(address: str) -> WorkQueue:
+    """Return the queue of a scheduler whose workers all compute what we would."""
+    try:
+        queue = ClusterQueue(address)
+    except ImportError as error:
+        hint = "install microplan[cluster]"
+        raise SchedulerError(address, "--scheduler needs Dask", hint) from error
+    except QueueLostError as error:
+        hint = "start one with 'dask scheduler', and workers with 'dask worker ADDRESS'"
+        raise SchedulerError(address, f"no scheduler answers: {error}", hint) from error
+    try:
+        _check_workers(queue, address)
+    except BaseException:
+        queue.close()
+        raise
+    return _SameSources(queue)
+
+
+class _SameSources:
+    """A queue whose workers, also those that come later, refuse other sources."""
+
+    def __init__(self, queue: WorkQueue) -> None:
+        self._queue = queue
+
+    def submit(self, chunk: Callable[[], R], priority: float = 0.0) -> Future[R]:
+        return self._queue.submit(partial(_if_same, sources(), chunk), priority)
+
+    def close(self) -> None:
+        self._queue.close()
+
+
+def _if_same(known: str, chunk: Callable[[], R]) -> R:
+    """Return what a chunk comes to, unless its results would be of other sources."""
+    if sources() != known:
+        raise OtherVersionError(f"a worker has microplan {version('microplan')}, "
+                                f"{sources()[:12]}, here is {known[:12]}")  # fmt: skip
+    return chunk()
+
+
+def _check_workers(queue: ClusterQueue, address: str) -> None:
+    """Refuse a cluster without workers, or with one that computes something else."""
+    own, kinds = own_kind(), queue.each_worker(own_kind)
+    if not kinds:
+        hint = f"start some: dask worker {address}"
+        raise SchedulerError(address, "the scheduler has no workers", hint)
+    for worker, kind in sorted(kinds.items()):
+        if not isinstance(kind, WorkerKind):
+            said = f"cannot tell its version: {type(kind).__name__}: {kind}"
+        elif kind.sources != own.sources:
+            said = f"has microplan {kind.version}, {kind.sources[:12]}"
+        else:
+            continue
+        raise SchedulerError(
+            address,
+            f"worker {worker} {said}; here is {own.version}, {own.sources[:12]}",
+            "install the same microplan, Python and libraries for every worker",
+        )
