@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 
+_END_S = 2.0  # for a good-bye
 WAIT_S = 10.0  # for an answer of the scheduler: a network's delay is far below
 
 
@@ -54,7 +55,7 @@ class ClusterQueue:
 
     def close(self) -> None:
         """Take everything back, and leave the scheduler as it was."""
-        self._client.close()
+        self._client.close(timeout=_END_S)
 
 
 async def _reached(address: str, wait_s: float) -> None:

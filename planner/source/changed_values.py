@@ -12,7 +12,7 @@ from microplan.planner.source.source import Key, Source, Where
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class ChangedValue:
     """Another value of a key; the key may be new.
 
     Its words are keys of mappings, and of lists the `id` or the number of an entry.
@@ -22,7 +22,7 @@ class Change:
     value: Any  # as YAML gives it
 
 
-def changed(source: Source, changes: Sequence[Change], report: Report) -> Source:
+def changed(source: Source, changes: Sequence[ChangedValue], report: Report) -> Source:
     """Return a source with other values; positions stay those of the file.
 
     Keys that lack on the way are added: the file's schema decides what may be there.
@@ -37,7 +37,7 @@ def changed(source: Source, changes: Sequence[Change], report: Report) -> Source
 
 
 def _position(
-    source: Source, data: Any, change: Change, report: Report
+    source: Source, data: Any, change: ChangedValue, report: Report
 ) -> Where | None:
     """Return the position of a key in data, None after reporting that it has none."""
     where: Where = ()

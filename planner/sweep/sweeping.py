@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice
 from os.path import relpath
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import digest
 from microplan.planner.store.store import Store
 from microplan.planner.sweep.rows import RowFile, SweepRow, compile_row, refused
-from microplan.planner.sweep.table import Lines, csv_text
+from microplan.planner.sweep.table import SweepLines, csv_text
 from microplan.planner.sweep.variants import (
     Setting,
     Variant,
@@ -58,7 +57,7 @@ class _Sweep:
     call: SweepCall
     files: dict[str, str]  # that variants read -> sha256
     folder: Path
-    lines: Lines
+    lines: SweepLines
     kept: RowFile
     found: dict[int, tuple[Variant, SweepRow]] = field(default_factory=dict)
 
@@ -104,7 +103,7 @@ def write_sweep(task: str, call: SweepCall, report: Report) -> str:
         call=call,
         files=dict(report.files),
         folder=folder,
-        lines=Lines(asked, len(todo)),
+        lines=SweepLines(asked, len(todo)),
         kept=RowFile(folder / ROWS),
     )
     try:
@@ -167,14 +166,15 @@ def _made(
         for variant in todo:
             yield variant, _chunk(sweep, variant)()
         return
-    rest, waiting = iter(todo), dict[Future[SweepRow], Variant]()
-    while True:
-        for variant in islice(rest, _AHEAD - len(waiting)):
-            chunk = _chunk(sweep, variant)
-            waiting[queue.submit(chunk, -float(variant.row))] = variant
-        if not waiting:
-            return
-        done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+    rest, waiting = list(reversed(todo)), dict[Future[SweepRow], Variant]()
+    while rest or waiting:
+        may_add = bool(rest) and len(waiting) < _AHEAD
+        if may_add:
+            variant = rest.pop()
+            handle = queue.submit(_chunk(sweep, variant), -float(variant.row))
+            waiting[handle] = variant
+        pause_s = 0.0 if may_add else None  # reading the next variants goes on
+        done, _ = wait(waiting, pause_s, return_when=FIRST_COMPLETED)
         for handle in sorted(done, key=lambda each: waiting[each].row):
             yield waiting.pop(handle), handle.result()
 

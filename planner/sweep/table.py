@@ -13,8 +13,8 @@ from microplan.planner.sweep.variants import Setting, Variant, written
 _MOST_WIDE = 40  # characters of a value or a reason on the terminal
 
 
-class Lines:
-    """Lines of text whose columns are known before the rows are."""
+class SweepLines:
+    """SweepLines of text whose columns are known before the rows are."""
 
     def __init__(self, settings: Sequence[Setting], count: int) -> None:
         texts = [[s.key, *map(_cell, s.values)] for s in settings]

@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from microplan.planner.source.changed_values import Change
+from microplan.planner.source.changed_values import ChangedValue
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.source.source import parse
 
@@ -89,10 +89,10 @@ def variants(asked: Sequence[Setting]) -> list[Variant]:
     ]
 
 
-def changes(variant: Variant) -> list[Change]:
+def changes(variant: Variant) -> list[ChangedValue]:
     """Return what a variant changes of the files."""
     return [
-        Change(key=tuple(key.split(".")), value=value)
+        ChangedValue(key=tuple(key.split(".")), value=value)
         for key, value in variant.values.items()
     ]
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from microplan.planner.source.changed_values import Change, changed
+from microplan.planner.source.changed_values import ChangedValue, changed
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.files import named_file
 from microplan.planner.source.normalise import plain, plain_lengths, plain_outline
@@ -51,7 +51,7 @@ ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle
 
 
 def load_task(
-    path: str | Path, report: Report, changes: Sequence[Change] = ()
+    path: str | Path, report: Report, changes: Sequence[ChangedValue] = ()
 ) -> Task | None:
     """Return the task at `path` with its workcell and drawings.
 
@@ -62,7 +62,7 @@ def load_task(
     report : Report
         Receives the findings of all files; the task, the workcell and every drawing
         are read whatever is wrong with the others.
-    changes : sequence of Change
+    changes : sequence of ChangedValue
         Values other than the files'; those below `workcell` are of the workcell file.
 
     Returns
@@ -76,7 +76,7 @@ def load_task(
 
 
 def read_task(
-    source: Source, report: Report, changes: Sequence[Change] = ()
+    source: Source, report: Report, changes: Sequence[ChangedValue] = ()
 ) -> Task | None:
     """Return the task that a source holds, None if there was any error.
 
@@ -104,8 +104,8 @@ def read_task(
 
 
 def _by_file(
-    changes: Sequence[Change],
-) -> tuple[Sequence[Change], Sequence[Change]]:
+    changes: Sequence[ChangedValue],
+) -> tuple[Sequence[ChangedValue], Sequence[ChangedValue]]:
     """Return the changes of the task and those of its workcell file."""
     inside = [c for c in changes if c.key[0] == "workcell" and len(c.key) > 1]
     here = [change for change in changes if change not in inside]
@@ -113,7 +113,7 @@ def _by_file(
 
 
 def _workcell(
-    task: Checked, changes: Sequence[Change], report: Report
+    task: Checked, changes: Sequence[ChangedValue], report: Report
 ) -> Checked | None:
     """Return the workcell file that the task names, with some values changed."""
     if not task.good("workcell"):
