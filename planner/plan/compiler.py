@@ -27,12 +27,12 @@ from microplan.planner.looks.picture_errors import report_trueness
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
-from microplan.planner.plan.open_queue import opened
+from microplan.planner.plan.open_queue import turns_of
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.speculation import Ahead, begin
 from microplan.planner.plan.steps import CompiledStep, compile_step
-from microplan.planner.queue.work_queue import WorkQueue, mapping
+from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.workers import until_told
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.presets import PRESETS, Effort, Preset
@@ -103,11 +103,11 @@ def _compiled(
 ) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with opened(options.jobs, options.scheduler) as queue:
+    with turns_of(options.jobs, options.scheduler) as turns:
         context = CompileContext(
             effort=effort, max_image_error=limit, map=until_told, memo=options.memo
         )
-        steps, timings = _steps(task, todo, context, report, options.progress, queue)
+        steps, timings = _steps(task, todo, context, report, options.progress, turns)
     plan = build_plan(
         task,
         states,
@@ -169,26 +169,27 @@ def _steps(
     context: CompileContext,
     report: Report,
     progress: Callable[[int, int, str], None],
-    queue: WorkQueue | None,
+    turns: Turns | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `progress` is called with the steps done, their number and the next step's id. Looks
-    are compiled by the workers of a `queue`; a step's time is what it takes wherever.
+    `progress` is called with the steps done, their number and the next step's id.
+    Looks that share `turns` are compiled at a time; a step's time is what it takes
+    wherever.
     """
     low, _ = task.workcell.optics.magnification
     ahead = Ahead()
-    if queue is not None:
-        ahead = begin(queue, task, states, context, low)
-        context = replace(context, map=mapping(queue, _WANTED_NOW))
+    if turns is not None:
+        ahead = begin(turns, task, states, context, low)
+        context = replace(context, map=turns.map(_WANTED_NOW, ahead.elsewhere))
     history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
-        started, before_s = time.perf_counter(), ahead.elsewhere_s
+        started, before_s = time.perf_counter(), ahead.elsewhere.seconds
         progress(index, len(states), here.step.id)
         step = compile_step(task, states, index, history, context, report, ahead)
-        took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
+        took_s = time.perf_counter() - started + ahead.elsewhere.seconds - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:
             break

@@ -16,6 +16,7 @@ import numpy as np
 
 from microplan.planner.queue.cluster import ClusterQueue
 from microplan.planner.queue.processes import ProcessQueue
+from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.work_queue import QueueLostError, WorkQueue
 from microplan.planner.source.diagnostics import CallError
 from microplan.planner.store.memo import sources
@@ -23,6 +24,7 @@ from microplan.planner.store.memo import sources
 R = TypeVar("R")
 
 _LOST = "MP731"
+_MOST_LOOKS = 8  # under way at a time, however many workers there are
 _ONE_THREAD = "OMP_NUM_THREADS"  # as the command sets it, and Dask for its workers
 
 
@@ -79,6 +81,21 @@ def opened(jobs: int, scheduler: str | None) -> Iterator[WorkQueue | None]:
         ) from None
     finally:
         queue.close()
+
+
+@contextmanager
+def turns_of(jobs: int, scheduler: str | None) -> Iterator[Turns | None]:
+    """Yield turns at the queue that is asked for, None for this process alone."""
+    with opened(jobs, scheduler) as queue:
+        if queue is None:
+            yield None
+            return
+        turns = Turns(queue, _MOST_LOOKS if scheduler else min(jobs + 1, _MOST_LOOKS))
+        try:
+            yield turns
+        finally:
+            queue.close()  # who waits for chunks ends
+            turns.close()
 
 
 def cluster(address: str) -> WorkQueue:

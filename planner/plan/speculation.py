@@ -1,4 +1,4 @@
-"""Speculative compilation of later looks in other processes."""
+"""Speculative compilation of later looks, whose chunks share one queue."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
 from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.queue.work_queue import WorkQueue
-from microplan.planner.queue.workers import until_told
+from microplan.planner.queue.turns import Elsewhere, Turns
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, insertion_after, requests
@@ -35,7 +34,7 @@ class _LookRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Made:
-    """What another process made of it."""
+    """What was made of it."""
 
     looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
     known: Begun  # what its beginning showed, where it was only begun
@@ -54,7 +53,8 @@ class Ahead:
     under_way: dict[str, tuple[_LookRequest, Future[_Made]]] = field(
         default_factory=dict
     )
-    elsewhere_s: float = 0.0  # what others worked while this process waited, and more
+    turns: Turns | None = None
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)
 
     def looks(
         self,
@@ -66,14 +66,14 @@ class Ahead:
     ) -> tuple[CompiledLook, ...]:
         """Return the looks of a request, as `coarse_to_fine.compile_looks` does."""
         asked, future = self.under_way.pop(request.id, (None, None))
-        if asked is None or future is None:
+        if asked is None or future is None or self.turns is None:
             return compile_looks(task, request, context, current, report)
         if not _serves(asked, task, request, current):
             future.cancel()
             return compile_looks(task, request, context, current, report)
         started = time.perf_counter()
-        made = future.result()
-        self.elsewhere_s += made.took_s - (time.perf_counter() - started)
+        made = self.turns.of(future)
+        self.elsewhere.seconds += made.took_s - (time.perf_counter() - started)
         if asked.begun:
             return compile_looks(
                 task, request, context, current, report, known=made.known
@@ -83,7 +83,7 @@ class Ahead:
 
 
 def begin(
-    queue: WorkQueue,
+    turns: Turns,
     task: Task,
     states: tuple[StepState, ...],
     context: CompileContext,
@@ -100,15 +100,15 @@ def begin(
         for asked in _probable(task, states, index, current)
     ]
     found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
-    alone = replace(context, map=until_told)
     return Ahead(
         under_way={
             asked.request.id: (
                 asked,
-                queue.submit(partial(_make, task, asked, alone), float(-turn)),
+                turns.start(partial(_make, task, asked, context, turns, float(-turn))),
             )
             for turn, asked in enumerate(found)
-        }
+        },
+        turns=turns,
     )
 
 
@@ -147,9 +147,17 @@ def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -
     return asked.request == bare and asked.settings == tuple(settings)
 
 
-def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
+def _make(
+    task: Task,
+    asked: _LookRequest,
+    context: CompileContext,
+    turns: Turns,
+    priority: float,
+) -> _Made:
     """Compile a look, or begin to."""
     started, report, known = time.perf_counter(), Report(), Begun()
+    elsewhere = Elsewhere()
+    context = replace(context, map=turns.map(priority, elsewhere))
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
         look_at_first(task, asked.request, context, asked.settings[0], known)
@@ -159,5 +167,5 @@ def _make(task: Task, asked: _LookRequest, context: CompileContext) -> _Made:
         looks=looks,
         known=known,
         findings=tuple(report.found),
-        took_s=time.perf_counter() - started,
+        took_s=time.perf_counter() - started + elsewhere.seconds,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from microplan.planner.queue.work_queue import QueueLostError, WorkerDiedError
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 R = TypeVar("R")
 
 _END_S = 2.0  # for a good-bye
+_ONE_AT_A_TIME = Lock()  # chunks are made for processes, a worker may have threads
 WAIT_S = 10.0  # for an answer of the scheduler: a network's delay is far below
 
 
@@ -73,7 +75,8 @@ def _done(chunk: Callable[[], R]) -> R:
     worker = get_worker()
     tasks, key = worker.state.tasks, worker.get_current_task()
     unwanted_when(lambda: key not in tasks or tasks[key].state == "cancelled")
-    return chunk()
+    with _ONE_AT_A_TIME:
+        return chunk()
 
 
 def _hand_on(handle: Future[Any], done: distributed.Future) -> None:

@@ -49,6 +49,8 @@ class ProcessQueue:
 
     def submit(self, chunk: Callable[[], R], priority: float = 0.0) -> Future[R]:
         """Return the handle of a chunk, as `WorkQueue.submit`."""
+        if self._closed:
+            raise StoppedError
         handle: Future[R] = Future()
         work = _Work((-priority, next(self._turns)), chunk, handle)
         self._inbox.put(partial(heapq.heappush, self._waiting, work))

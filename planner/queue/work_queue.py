@@ -33,7 +33,8 @@ class WorkQueue(Protocol):
         """Return the handle of a chunk; the highest priority is begun first.
 
         Of equals the first is. `cancel` of the handle takes a chunk back that has not
-        begun; `concurrent.futures.as_completed` yields handles as they are done.
+        begun; `concurrent.futures.as_completed` yields handles as they are done. After
+        `close` nothing may be submitted.
         """
         ...
 

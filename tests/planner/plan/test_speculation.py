@@ -16,6 +16,7 @@ import pytest
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.speculation import begin
+from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.workers import StoppedError
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
@@ -25,20 +26,18 @@ from tests.planner.examples import EXAMPLE, copy_example, one_look, read
 EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
 
 
-class Held:
+class Held(Turns):
     """Takes work, and leaves it undone."""
 
     def __init__(self) -> None:
         self.waiting: list[Future[Any]] = []
-        self.priorities: list[float] = []
 
-    def submit(self, chunk: Callable[[], Any], priority: float = 0.0) -> Future[Any]:
+    def start(self, work: Callable[[], Any]) -> Future[Any]:
         self.waiting.append(Future())
-        self.priorities.append(priority)
         return self.waiting[-1]
 
-    def close(self) -> None:
-        pass
+    def of(self, found: Future[Any]) -> Any:
+        return found.result()
 
 
 def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
@@ -46,7 +45,6 @@ def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
     pool = Held()
     found = begin(pool, task, unfold(task, Report()), EFFECTS, 6.9)
     assert len(pool.waiting) == 8
-    assert pool.priorities == sorted(pool.priorities, reverse=True)
     names = list(found.under_way)
     assert names[0] == "over_shaft"
     assert sorted(names) == [
