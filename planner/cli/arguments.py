@@ -98,17 +98,6 @@ def _add_image_error(parser: argparse.ArgumentParser, says: str) -> None:
     parser.add_argument("--max-image-error", type=converted, help=says)
 
 
-def _add_confidence(parser: argparse.ArgumentParser) -> None:
-    """Add the confidence in the goal of success."""
-    parser.add_argument(
-        "--confidence",
-        type=asked(confidence, "a number from 0.5 to 0.9999"),
-        metavar="C",
-        help="that P(success) meets the goal, as 0.95: trials rise until its lower "
-        "bound decides; default: P(success) alone must meet it",
-    )
-
-
 def _add_cache(parser: argparse.ArgumentParser) -> None:
     """Add what is kept between compiles."""
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
@@ -132,7 +121,13 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     _add_jobs(parser, "worker processes")
     _add_scheduler(parser)
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    _add_confidence(parser)
+    parser.add_argument(
+        "--confidence",
+        type=asked(confidence, "a number from 0.5 to 0.9999"),
+        metavar="C",
+        help="that P(success) meets the goal, as 0.95: trials rise until its lower "
+        "bound decides; default: P(success) alone must meet it",
+    )
     _add_image_error(
         parser,
         "aimed at, of unit contrast: above 0, at most 1; default: the task's",
@@ -163,22 +158,17 @@ def _add_sweep(parser: argparse.ArgumentParser) -> None:
         type=asked(setting, "KEY=VALUE,VALUE,..."),
         dest="settings",
         metavar="KEY=VALUE,...",
-        help="values of a key of the task, or below workcell of its workcell, as YAML:"
-        " seed=1,2 or workcell.optics.magnification.max=20,44.5 or"
-        " steps.ID.within_um=2,3; several make every combination, at most 10000 rows",
+        help="values of a key of the task, or below workcell of its workcell, as"
+        " steps.ID.within_um=2,3; a row for each combination",
     )
     parser.add_argument(
         "-o",
         "--out",
         type=Path,
-        help="folder of rows.jsonl and sweep.csv, whose finished rows are not made"
-        " again; default: <name>.sweep beside the task",
+        help="folder, whose rows are not made again; default: <name>.sweep beside it",
     )
-    _add_jobs(parser, "worker processes, each with whole rows")
+    _add_jobs(parser, "worker processes")
     _add_scheduler(parser)
-    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    _add_confidence(parser)
-    _add_image_error(parser, "aimed at, of unit contrast; default: the task's")
     _add_cache(parser)
     _add_task(parser)
 
@@ -188,10 +178,8 @@ def _add_scheduler(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of a Dask scheduler, as tcp://10.0.0.5:8786, whose workers do the work in"
-        " place of --jobs; needs microplan[cluster]. Whoever reaches a scheduler or a"
-        " worker can run programs there: keep both in a network of your own, or use"
-        " TLS by Dask's own settings (distributed.comm.tls, tls://...)",
+        help="of a Dask scheduler, in place of --jobs; whoever reaches it can run"
+        " programs on its workers",
     )
 
 

@@ -27,7 +27,7 @@ from microplan.planner.looks.picture_errors import report_trueness
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
-from microplan.planner.plan.open_queue import turns_of
+from microplan.planner.plan.open_queue import CLUSTER, turns_of
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.speculation import Ahead, begin
@@ -35,6 +35,7 @@ from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.workers import until_told
 from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.presets import PRESETS, Effort, Preset
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
@@ -103,9 +104,13 @@ def _compiled(
 ) -> tuple[p.Plan, list[CompiledStep], dict[str, float]]:
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with turns_of(options.jobs, options.scheduler) as turns:
+    with turns_of(options.jobs, options.scheduler, report) as turns:
+        mixed = CLUSTER in {finding.code for finding in report.found}
         context = CompileContext(
-            effort=effort, max_image_error=limit, map=until_told, memo=options.memo
+            effort=effort,
+            max_image_error=limit,
+            map=until_told,
+            memo=EVERY_TIME if mixed else options.memo,
         )
         steps, timings = _steps(task, todo, context, report, options.progress, turns)
     plan = build_plan(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from microplan.planner.queue.cluster import ClusterQueue
 from microplan.planner.queue.processes import ProcessQueue
 from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.work_queue import QueueLostError, WorkQueue
-from microplan.planner.source.diagnostics import CallError
+from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.planner.store.memo import sources
 
 R = TypeVar("R")
 
-_LOST = "MP731"
+CLUSTER = "MP731"
 _MOST_LOOKS = 8  # under way at a time, however many workers there are
 _ONE_THREAD = "OMP_NUM_THREADS"  # as the command sets it, and Dask for its workers
 
@@ -32,7 +32,7 @@ class SchedulerError(CallError):
     """A scheduler or its workers cannot be used."""
 
     def __init__(self, address: str, message: str, hint: str) -> None:
-        super().__init__(_LOST, message, address, hint)
+        super().__init__(CLUSTER, message, address, hint)
 
 
 class OtherVersionError(Exception):
@@ -50,7 +50,7 @@ class WorkerKind:
 
 def own_kind() -> WorkerKind:
     """Return the kind of this process."""
-    found = np.show_config(mode="dicts") or {}
+    found: Mapping[str, Any] = cast(Any, np.show_config)(mode="dicts")
     extensions = found.get("SIMD Extensions", {}).get("found", ())
     threads = os.environ.get(_ONE_THREAD, "all")
     words = (platform.system(), platform.machine(), *extensions, f"threads={threads}")
@@ -84,12 +84,19 @@ def opened(jobs: int, scheduler: str | None) -> Iterator[WorkQueue | None]:
 
 
 @contextmanager
-def turns_of(jobs: int, scheduler: str | None) -> Iterator[Turns | None]:
-    """Yield turns at the queue that is asked for, None for this process alone."""
+def turns_of(
+    jobs: int, scheduler: str | None, report: Report
+) -> Iterator[Turns | None]:
+    """Yield turns at the queue that is asked for, None for this process alone.
+
+    MP731 says which workers have another kind of processor.
+    """
     with opened(jobs, scheduler) as queue:
         if queue is None:
             yield None
             return
+        if isinstance(queue, _SameSources):
+            _report_others(queue, scheduler or "", report)
         turns = Turns(queue, _MOST_LOOKS if scheduler else min(jobs + 1, _MOST_LOOKS))
         try:
             yield turns
@@ -109,18 +116,35 @@ def cluster(address: str) -> WorkQueue:
         hint = "start one with 'dask scheduler', and workers with 'dask worker ADDRESS'"
         raise SchedulerError(address, f"no scheduler answers: {error}", hint) from error
     try:
-        _check_workers(queue, address)
+        kinds = queue.each_worker(own_kind)
+        _check_workers(kinds, address)
     except BaseException:
         queue.close()
         raise
-    return _SameSources(queue)
+    cpu = own_kind().cpu
+    found = {w: k.cpu for w, k in kinds.items() if isinstance(k, WorkerKind)}
+    return _SameSources(queue, {w: other for w, other in found.items() if other != cpu})
+
+
+def _report_others(queue: _SameSources, address: str, report: Report) -> None:
+    """Report workers whose results may differ from those of this machine."""
+    for kind in sorted(set(queue.others.values())):
+        names = [worker for worker, other in queue.others.items() if other == kind]
+        report.note(
+            CLUSTER,
+            Span(file=address),
+            f"{len(names)} workers have {kind}, here is {own_kind().cpu}: the plan's "
+            "numbers may differ in their last digits; nothing is kept in the cache",
+            "workers of one kind of processor give the same bytes",
+        )
 
 
 class _SameSources:
     """A queue whose workers, also those that come later, refuse other sources."""
 
-    def __init__(self, queue: WorkQueue) -> None:
+    def __init__(self, queue: WorkQueue, others: Mapping[str, str]) -> None:
         self._queue = queue
+        self.others = others  # workers of another processor, and its kind
 
     def submit(self, chunk: Callable[[], R], priority: float = 0.0) -> Future[R]:
         return self._queue.submit(partial(_if_same, sources(), chunk), priority)
@@ -137,9 +161,11 @@ def _if_same(known: str, chunk: Callable[[], R]) -> R:
     return chunk()
 
 
-def _check_workers(queue: ClusterQueue, address: str) -> None:
+def _check_workers(
+    kinds: Mapping[str, WorkerKind | BaseException], address: str
+) -> None:
     """Refuse a cluster without workers, or with one that computes something else."""
-    own, kinds = own_kind(), queue.each_worker(own_kind)
+    own = own_kind()
     if not kinds:
         hint = f"start some: dask worker {address}"
         raise SchedulerError(address, "the scheduler has no workers", hint)

@@ -1,9 +1,10 @@
-"""One queue of chunks of work, done by processes here or by a cluster.
+"""One queue of chunks of work, done by processes of this machine or by a cluster.
 
-In: chunks, picklable functions without arguments whose results depend on nothing else;
-priorities. Out: futures. What passes: `work_queue.WorkQueue`, which `processes` and
-`cluster` implement.
-Which worker does a chunk, when, and how often after deaths must change no result: use
-results in the order of the plan, and leave no trace in a worker that a chunk reads.
-Tests: tests/planner/queue; test_work_queue holds for every adapter.
+In: chunks, picklable pure functions without arguments, and priorities, from
+planner.plan and planner.sweep. Out: futures of their results.
+The type that passes: `WorkQueue` (work_queue), which `processes` and `cluster` are.
+May be touched here: how chunks are shared out, what happens after deaths.
+No result may depend on who does a chunk, when, or how often: they are used in the
+plan's order. `distributed` is imported in `cluster` only, on demand.
+Watched by: tests/planner/queue/test_work_queue.py, which holds for every adapter.
 """

@@ -135,7 +135,7 @@ def _hand_on(
 
 def _rest(inbox: SimpleQueue[Callable[[], None] | None]) -> list[Callable[[], None]]:
     """Return the changes that are left."""
-    found = []
+    found: list[Callable[[], None]] = []
     while True:
         try:
             change = inbox.get_nowait()

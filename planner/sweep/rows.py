@@ -17,7 +17,6 @@ from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.store.folder import not_written
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store
-from microplan.planner.task.presets import Preset
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import Plan, dump_plan
 
@@ -39,23 +38,10 @@ class SweepRow:
     time_s: float
 
 
-def compile_row(
-    task: Task,
-    *,
-    preset: Preset | None,
-    max_image_error: float | None,
-    confidence: float | None,
-    store: Store | None,
-) -> SweepRow:
+def compile_row(task: Task, store: Store | None) -> SweepRow:
     """Return the row of a variant, compiled in this process; a chunk of the queue."""
     started, report = time.perf_counter(), Report()
-    options = Options(
-        preset=preset,
-        max_image_error=max_image_error,
-        confidence=confidence,
-        memo=Memo(store),
-    )
-    files = compile_task(task, report, options)
+    files = compile_task(task, report, Options(memo=Memo(store)))
     if store is not None:
         store.trim()
     plan = None if files is None else files.plan

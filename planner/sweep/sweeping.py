@@ -26,7 +26,6 @@ from microplan.planner.sweep.variants import (
     settings,
     variants,
 )
-from microplan.planner.task.presets import Preset
 from microplan.planner.task.read_task import load_task
 
 ROWS, TABLE = "rows.jsonl", "sweep.csv"
@@ -41,9 +40,6 @@ class SweepCall:
     out: Path | None = None  # None: named by the task, beside it
     jobs: int = 1
     scheduler: str | None = None
-    preset: Preset | None = None
-    max_image_error: float | None = None
-    confidence: float | None = None
     store: Store | None = None
     show: Callable[[str], None] = lambda _line: None  # receives the lines of the table
     progress: Callable[[str], None] = lambda _text: None
@@ -63,12 +59,10 @@ class _Sweep:
 
     def key(self, variant: Variant) -> str:
         """Return the key of a row: another one for other inputs, options, sources."""
-        asked = self.call
         folder = Path(self.task).parent
         files = sorted((relpath(k, folder), v) for k, v in self.files.items())
-        meant = (asked.preset, asked.max_image_error, asked.confidence)
         values = json.dumps(dict(variant.values))
-        return digest("sweep", tuple(files), meant, values)
+        return digest("sweep", tuple(files), values)
 
     def take(self, variant: Variant, row: SweepRow) -> None:
         """Show a row that is known."""
@@ -185,15 +179,7 @@ def _chunk(sweep: _Sweep, variant: Variant) -> Callable[[], SweepRow]:
     task = load_task(sweep.task, report, changes(variant))
     if task is None:
         return partial(refused, report)
-    asked = sweep.call
-    return partial(
-        compile_row,
-        task,
-        preset=asked.preset,
-        max_image_error=asked.max_image_error,
-        confidence=asked.confidence,
-        store=asked.store,
-    )
+    return partial(compile_row, task, sweep.call.store)
 
 
 def _summary(sweep: _Sweep) -> str:
