@@ -19,15 +19,15 @@ def program(parser: argparse.ArgumentParser) -> str:
         lines = [f"- [`{command.prog}`](#{_anchor(command.prog)})"
                  for command, _ in commands]  # fmt: skip
         blocks.append("\n".join(lines))
-        shared = {a.dest: a for c, _ in commands for a in _actions(c)}
+        shared = {a.dest: a for c, _ in reversed(commands) for a in _actions(c)}
         blocks += ["Commands with findings take"]
         blocks += [_table([shared[name] for name in COMMON])]
         for command, says in commands:
             blocks.append(
                 f"### `{command.prog}`\n\n{_upper(says)}.\n\n{_call(command)}"
             )
-            own = [a for a in _actions(command) if a.dest not in COMMON]
-            blocks.append(_table(own))
+            said = {shared[name].help for name in COMMON}
+            blocks.append(_table(a for a in _actions(command) if a.help not in said))
     else:
         blocks += [_call(parser), _table(_actions(parser))]
     if parser.epilog:
