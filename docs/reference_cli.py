@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from reference_keys import row
 
 HEADS = ("argument", "values", "default", "meaning")
+COMMON = ("verbose", "format")  # of several commands: said once
 
 
 def program(parser: argparse.ArgumentParser) -> str:
@@ -15,16 +16,20 @@ def program(parser: argparse.ArgumentParser) -> str:
     blocks = [f"## `{parser.prog}`\n\n{parser.description}"]
     commands = list(_commands(parser))
     if commands:
-        lines = [f"- [`{command.prog}`](#{_anchor(command.prog)}): {says}"
-                 for command, says in commands]  # fmt: skip
+        lines = [f"- [`{command.prog}`](#{_anchor(command.prog)})"
+                 for command, _ in commands]  # fmt: skip
         blocks.append("\n".join(lines))
+        shared = {a.dest: a for c, _ in reversed(commands) for a in _actions(c)}
+        blocks += ["Commands with findings take"]
+        blocks += [_table([shared[name] for name in COMMON])]
         for command, says in commands:
             blocks.append(
                 f"### `{command.prog}`\n\n{_upper(says)}.\n\n{_call(command)}"
             )
-            blocks.append(_table(command))
+            said = {shared[name].help for name in COMMON}
+            blocks.append(_table(a for a in _actions(command) if a.help not in said))
     else:
-        blocks += [_call(parser), _table(parser)]
+        blocks += [_call(parser), _table(_actions(parser))]
     if parser.epilog:
         blocks.append(parser.epilog)
     return "\n\n".join(blocks)
@@ -66,10 +71,10 @@ def _call(parser: argparse.ArgumentParser) -> str:
     return f"    {' '.join(words)}"
 
 
-def _table(parser: argparse.ArgumentParser) -> str:
-    """Return the table of a command's arguments."""
+def _table(actions: Iterable[argparse.Action]) -> str:
+    """Return the table of arguments."""
     lines = [row(HEADS), "|" + "---|" * len(HEADS)]
-    for action in sorted(_actions(parser), key=lambda a: bool(a.option_strings)):
+    for action in sorted(actions, key=lambda a: bool(a.option_strings)):
         if action.help == argparse.SUPPRESS:
             continue
         name = ", ".join(action.option_strings) or action.dest.upper()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from microplan.featuresel.trials.outcomes import Outcomes
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trial_cache import Known, Looks
 from microplan.featuresel.trials.trials import Map, PreparedRoutines, prepare
+
+T = TypeVar("T")
 
 # trials at the end of each; most chains leave early
 ROUNDS = (8, 24, HALF_DESIGN, 64, 304, 1024)
@@ -139,7 +142,7 @@ def compare_routines(
     known = (looks or Looks()).of(case, root_seed)
     if rejected is not None:
         rejected.before.remind(known)
-    visible = known.fact("visible", lambda: visible_share(case))
+    visible = known.fact("visible", lambda: _mapped(map, visible_share, case))
     hopeless = not is_fit(case, visible, bounds)
     once = thorough or hopeless or in_set
     judge = _Judge(
@@ -154,7 +157,7 @@ def compare_routines(
         map=map,
         races=1 if once else 2,
         to_the_end=thorough or to_the_end,
-        limit_um=known.fact("limit_um", lambda: limit_um(case))
+        limit_um=known.fact("limit_um", lambda: _mapped(map, limit_um, case))
         if limited and not hopeless
         else None,
         known=known,
@@ -164,6 +167,12 @@ def compare_routines(
     if once or has_margin(case, found.selection, bounds):
         return found
     return judge.with_expensive(found)
+
+
+def _mapped(map: Map, function: Callable[[LookCase], T], case: LookCase) -> T:  # noqa: A002
+    """Return what a function gives for a look, by whom the map asks for it."""
+    (found,) = map(function, (case,))
+    return found
 
 
 def visible_share(case: LookCase) -> float | None:
@@ -212,7 +221,8 @@ class _Judge:
 
     def ready(self, *, expensive: bool = True) -> PreparedRoutines:
         """Return routines prepared once, and the chains worth trying."""
-        found = make_ready(self.case, expensive=expensive, known=self.known.artifacts)
+        make = partial(make_ready, expensive=expensive, known=self.known.artifacts)
+        found = _mapped(self.map, make, self.case)
         self.known.artifacts.update(found.artifacts)
         return found
 

@@ -78,3 +78,11 @@ def kinds(text: str) -> tuple[str, ...]:
     if not set(found) <= {"worse", *KINDS}:
         raise ValueError(text)
     return found
+
+
+def setting(text: str) -> tuple[str, str]:
+    """Return a key, words between points, and its values as they are written."""
+    key, equals, values = text.partition("=")
+    if not (equals and values and all(key.split("."))):
+        raise ValueError(text)
+    return key, values

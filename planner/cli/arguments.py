@@ -11,6 +11,7 @@ from microplan.planner.cli.argument_values import (
     confidence,
     count,
     kinds,
+    setting,
     share,
 )
 from microplan.planner.cli.picture_arguments import add_calibrate, add_measure
@@ -97,6 +98,17 @@ def _add_image_error(parser: argparse.ArgumentParser, says: str) -> None:
     parser.add_argument("--max-image-error", type=converted, help=says)
 
 
+def _add_cache(parser: argparse.ArgumentParser) -> None:
+    """Add what is kept between compiles."""
+    parser.add_argument("--no-cache", action="store_true", help="compute everything")
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="FOLDER",
+        help="what is kept between compiles; default: $XDG_CACHE_HOME/microplan",
+    )
+
+
 def _add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan check`."""
     parser.add_argument("-o", "--out", type=Path, help="folder for a drawing a part")
@@ -107,6 +119,7 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
     _add_jobs(parser, "worker processes")
+    _add_scheduler(parser)
     parser.add_argument(
         "--preset",
         choices=ASKED,
@@ -123,13 +136,7 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
         parser,
         "aimed at, of unit contrast: above 0, at most 1; default: the task's",
     )
-    parser.add_argument("--no-cache", action="store_true", help="compute everything")
-    parser.add_argument(
-        "--cache",
-        type=Path,
-        metavar="FOLDER",
-        help="what is kept between compiles; default: $XDG_CACHE_HOME/microplan",
-    )
+    _add_cache(parser)
     parser.add_argument(
         "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
     )
@@ -144,6 +151,40 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     )
     _add_tolerance(parser)
     _add_task(parser)
+
+
+def _add_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan sweep`."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        required=True,
+        type=asked(setting, "KEY=VALUE,VALUE,..."),
+        dest="settings",
+        metavar="KEY=VALUE,...",
+        help="values of a key of the task, or below workcell of its workcell, as"
+        " steps.ID.within_um=2,3; a row for each combination",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        help="folder, whose rows are not made again; default: <name>.sweep beside it",
+    )
+    _add_jobs(parser, "worker processes")
+    _add_scheduler(parser)
+    _add_cache(parser)
+    _add_task(parser)
+
+
+def _add_scheduler(parser: argparse.ArgumentParser) -> None:
+    """Add the address of a cluster."""
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask scheduler, in place of --jobs; whoever reaches it can run"
+        " programs on its workers",
+    )
 
 
 def _add_render(parser: argparse.ArgumentParser) -> None:
@@ -268,6 +309,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "init": (_add_init, "write a task to begin with"),
     "check": (_add_check, "read, resolve and check a task"),
     "compile": (_add_compile, "compile a task into a plan"),
+    "sweep": (_add_sweep, "compile a task with many values, into a table"),
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "measure": (add_measure, "measure a target in pictures of it"),

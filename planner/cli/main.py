@@ -14,7 +14,7 @@ from microplan.planner.cli.compiling import compile_task
 from microplan.planner.cli.measuring import measure
 from microplan.planner.cli.plans import diff, export, report_plan
 from microplan.planner.cli.shipped import codes, explain, init, schema
-from microplan.planner.cli.tasks import check, render, tradeoff
+from microplan.planner.cli.tasks import check, render, sweep, tradeoff
 from microplan.schemas.page.console import OutputLostError, flush, say, tell
 
 BUG = 70
@@ -96,9 +96,9 @@ def _completion(call: argparse.Namespace) -> int:
 
 _RUNS = {
     "init": init, "check": check, "compile": compile_task, "render": render,
-    "tradeoff": tradeoff, "measure": measure, "calibrate": calibrate, "diff": diff,
-    "export": export, "report": report_plan, "explain": explain, "schema": schema,
-    "completion": _completion,
+    "sweep": sweep, "tradeoff": tradeoff, "measure": measure,
+    "calibrate": calibrate, "diff": diff, "export": export, "report": report_plan,
+    "explain": explain, "schema": schema, "completion": _completion,
 }  # fmt: skip
 
 

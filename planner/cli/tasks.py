@@ -1,4 +1,4 @@
-"""Subcommands that read a task and make no plan: check, render, tradeoff."""
+"""Subcommands that read a task and make no plan: check, render, tradeoff, sweep."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from microplan.planner.cli.answering import answered, asked_for, tell_progress
 from microplan.planner.source.diagnostics import Report
+from microplan.schemas.page.console import say
 
 
 @answered
@@ -58,6 +59,18 @@ def tradeoff(call: argparse.Namespace, report: Report) -> str:
     from microplan.planner.tradeoff.task_tradeoff import TaskCall, write_task_tradeoff
 
     return write_task_tradeoff(task, asked_for(TaskCall, call, out=out), _progress)
+
+
+@answered
+def sweep(call: argparse.Namespace, report: Report) -> str:
+    """Compile a task with every combination of values, into a table."""
+    from microplan.planner.store.store import Store, place
+    from microplan.planner.sweep.sweeping import SweepCall, write_sweep
+
+    store = None if call.no_cache else Store(call.cache or place())
+    show = say if call.format == "text" else tell_progress
+    asked = asked_for(SweepCall, call, store=store, show=show, progress=tell_progress)
+    return write_sweep(call.task, asked, report)
 
 
 def _progress(step: str) -> None:

@@ -100,19 +100,15 @@ def _candidates(
 def _tested(
     problem: LookProblem, fidelity: Fidelity, candidates: Sequence[_Candidate]
 ) -> list[TestedFeature]:
-    """Return the features after the comparison of their routines, in parallel.
+    """Return the features after the comparison of their routines.
 
-    Comparisons that have begun go on in this process, one by one.
+    Comparisons that have begun go on.
     """
 
     def spread(
-        compare: _Comparer, cases: Sequence[LookCase]
+        _compare: _Comparer, cases: Sequence[LookCase]
     ) -> Iterable[RoutineComparison]:
-        if any(case.key in problem.begun.others for case in cases):
-            return (_continued(problem, case) for case in cases)
-        trials = problem.context.effort.trials
-        tell = problem.context.spread("other features", lambda _: trials)
-        return tell(compare, cases)
+        return (_continued(problem, case) for case in cases)
 
     cases = [case for *_, case in candidates]
     found = problem.context.memo.each(_compare, _stakes(problem), cases, spread)

@@ -17,7 +17,13 @@ from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
 from microplan.planner.looks.evaluation import Evaluation
-from microplan.planner.looks.progress.work import Stage, Told, nobody, telling
+from microplan.planner.looks.progress.work import (
+    Stage,
+    Told,
+    nobody,
+    telling,
+    trials_of,
+)
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort
@@ -40,11 +46,8 @@ class CompileContext:
     memo: Memo = EVERY_TIME
     told: Told = nobody  # hears of the stages of the present look
 
-    def spread(self, stage: Stage, images: Callable[[Any], float] = len) -> Map:
-        """Return `map` for a stage, which tells what is made of each item.
-
-        By itself an item is of trials, with an image each.
-        """
+    def spread(self, stage: Stage, images: Callable[[Any], float] = trials_of) -> Map:
+        """Return `map` for a stage, which tells what is made of each item."""
         return telling(self.map, self.told, stage, images)
 
 

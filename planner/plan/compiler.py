@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -23,19 +20,15 @@ from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.picture_errors import report_trueness
-from microplan.planner.looks.progress.work import Counts, Work, shared_counts
+from microplan.planner.looks.progress.work import Work
 from microplan.planner.plan.confidence import bound_of, more_trials, report_unshown
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.fit_picture import fit_pictures
+from microplan.planner.plan.open_queue import CLUSTER, turns_of
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
 from microplan.planner.plan.sketch import sketch_looks
-from microplan.planner.plan.speculation import (
-    Ahead,
-    begin,
-    listen,
-    plan_work,
-)
+from microplan.planner.plan.speculation import Ahead, begin, plan_work
 from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.plan.task_records import (
     beliefs_of,
@@ -43,7 +36,10 @@ from microplan.planner.plan.task_records import (
     inputs_of,
     provenance_of,
 )
+from microplan.planner.queue.turns import Turns
+from microplan.planner.queue.workers import until_told
 from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.presets import PRESETS, Effort, Preset, Sketch
 from microplan.planner.task.second_reader import read_twice
 from microplan.planner.task.task import Task
@@ -54,6 +50,7 @@ from microplan.schemas import plan as p
 from microplan.schemas.files.evidence import Scenes
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
+_WANTED_NOW = 1.0  # priority of the next step's chunks: before looks begun ahead
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
@@ -140,13 +137,15 @@ def _compiled(
     """Return the plan that an effort gives, the steps to be done, and their times."""
     limit = options.max_image_error or task.optimise.image_error(preset)
     work = Work(heard=options.progress)
-    if options.jobs > 1:
-        work.counts = shared_counts()
-    with workers(options.jobs, work.counts) as pool:
+    with turns_of(options.jobs, options.scheduler, report) as turns:
+        mixed = CLUSTER in {finding.code for finding in report.found}
         context = CompileContext(
-            effort=effort, max_image_error=limit, map=map, memo=options.memo
+            effort=effort,
+            max_image_error=limit,
+            map=until_told,
+            memo=EVERY_TIME if mixed else options.memo,
         )
-        steps, timings = _steps(task, todo, context, report, work, pool)
+        steps, timings = _steps(task, todo, context, report, work, turns)
     plan = build_plan(
         task,
         states,
@@ -202,64 +201,34 @@ def build_plan(
     )
 
 
-@contextmanager
-def workers(
-    jobs: int, counts: Counts | None = None
-) -> Iterator[ProcessPoolExecutor | None]:
-    """Yield a pool of `jobs` processes, None for a single one.
-
-    What still runs at the end is cancelled, and on Ctrl-C ended with its process. What
-    they make is counted in `counts`.
-    """
-    if jobs <= 1:
-        yield None
-        return
-    unwanted = multiprocessing.Event()
-    told, others = (unwanted, counts), set(multiprocessing.active_children())
-    with ProcessPoolExecutor(jobs, initializer=listen, initargs=told) as pool:
-        is_stopped = False
-        try:
-            yield pool
-        except KeyboardInterrupt:
-            is_stopped = True
-            raise
-        finally:
-            if is_stopped:  # nobody waits for the trial that each is at
-                for process in set(multiprocessing.active_children()) - others:
-                    process.terminate()
-            else:
-                unwanted.set()
-            pool.shutdown(cancel_futures=True)
-
-
 def _steps(
     task: Task,
     states: tuple[StepState, ...],
     context: CompileContext,
     report: Report,
     work: Work,
-    pool: ProcessPoolExecutor | None,
+    turns: Turns | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `work` hears how far they have come. Looks are compiled in the processes of a
-    `pool`; a step's time is what it takes wherever.
+    `work` hears how far they have come. Looks that share `turns` are compiled at a
+    time; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
-    if pool is None:
+    if turns is None:
         plan_work(work, task, states, context, low)
         ahead = Ahead(work=work)
     else:
-        ahead = begin(pool, task, states, context, low, work)
-        context = replace(context, map=pool.map)
+        ahead = begin(turns, task, states, context, low, work)
+        context = replace(context, map=turns.map(_WANTED_NOW, ahead.elsewhere))
     history = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
-        started, before_s = time.perf_counter(), ahead.elsewhere_s
+        started, before_s = time.perf_counter(), ahead.elsewhere.seconds
         work.step(index, len(states), here.step.id)
         step = compile_step(task, states, index, history, context, report, ahead)
-        took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
+        took_s = time.perf_counter() - started + ahead.elsewhere.seconds - before_s
         timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:
             break

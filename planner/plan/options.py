@@ -22,5 +22,6 @@ class Options:
     max_image_error: float | None = None
     confidence: float | None = None  # that P(success) meets the goal; None: it alone
     jobs: int = 1
+    scheduler: str | None = None  # of a Dask cluster; None: processes here
     progress: Callable[[CompileProgress], None] = lambda _reached: None
     memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing

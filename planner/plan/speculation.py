@@ -1,19 +1,12 @@
-"""Speculative compilation of later looks in other processes."""
+"""Speculative compilation of later looks, whose chunks share one queue."""
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
-from concurrent.futures import wait as wait_for
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from multiprocessing import parent_process
-from multiprocessing.connection import wait
-from multiprocessing.synchronize import Event
-from signal import SIG_IGN, SIGINT, signal
-from threading import Thread
-from typing import TypeVar
+from functools import partial
 
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.control import tolerance_um
@@ -21,29 +14,13 @@ from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
 from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.looks.progress.work import (
-    Counts,
-    Stage,
-    Work,
-    count,
-    images_of,
-    own_counts,
-)
+from microplan.planner.looks.progress.work import Work
+from microplan.planner.queue.turns import Elsewhere, Turns
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, insertion_after, requests
 from microplan.planner.views.target_views import views
 from microplan.planner.views.views import ViewPlan
-
-A = TypeVar("A")
-B = TypeVar("B")
-
-
-_SAID_S = 0.2  # between two sayings of how far a look elsewhere has come
-
-
-class StoppedError(Exception):
-    """The result is not wanted any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +35,11 @@ class _LookRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Made:
-    """What another process made of it."""
+    """What was made of it."""
 
     looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
     known: Begun  # what its beginning showed, where it was only begun
     findings: tuple[Diagnostic, ...]
-    images: tuple[float, ...]  # that it made, by stage
     took_s: float
 
 
@@ -78,7 +54,8 @@ class Ahead:
     under_way: dict[str, tuple[_LookRequest, Future[_Made]]] = field(
         default_factory=dict
     )
-    elsewhere_s: float = 0.0  # what others worked while this process waited, and more
+    turns: Turns | None = None
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)
     work: Work = field(default_factory=Work)
 
     def looks(
@@ -103,19 +80,16 @@ class Ahead:
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
-        """Return the looks of a request, from elsewhere if they are under way."""
+        """Return the looks of a request, those under way if they serve."""
         asked, future = self.under_way.pop(request.id, (None, None))
-        if asked is None or future is None:
+        if asked is None or future is None or self.turns is None:
             return compile_looks(task, request, context, current, report)
         if not _serves(asked, task, request, current):
             future.cancel()
             return compile_looks(task, request, context, current, report)
         started = time.perf_counter()
-        while not wait_for([future], _SAID_S).done:
-            self.work.say()
-        made = future.result()
-        self.work.counted(request.id, made.images)
-        self.elsewhere_s += made.took_s - (time.perf_counter() - started)
+        made = self.turns.of(future)
+        self.elsewhere.seconds += made.took_s - (time.perf_counter() - started)
         if asked.begun:
             return compile_looks(
                 task, request, context, current, report, known=made.known
@@ -125,7 +99,7 @@ class Ahead:
 
 
 def begin(
-    pool: Executor,
+    turns: Turns,
     task: Task,
     states: tuple[StepState, ...],
     context: CompileContext,
@@ -139,13 +113,13 @@ def begin(
     """
     work = work or Work()
     found = plan_work(work, task, states, context, current)
+    found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
     under_way = {}
-    alone = replace(context, map=until_told)
-    for asked in sorted(found, key=lambda asked: (not asked.begun, -_area(asked))):
-        number = work.number(asked.request.id)
-        future = pool.submit(_make, task, asked, alone, number)
-        under_way[asked.request.id] = asked, future
-    return Ahead(under_way=under_way, work=work)
+    for turn, asked in enumerate(found):
+        own = replace(context, told=work.counting(asked.request.id))
+        make = partial(_make, task, asked, own, turns, float(-turn))
+        under_way[asked.request.id] = asked, turns.start(make)
+    return Ahead(under_way=under_way, turns=turns, work=work)
 
 
 def plan_work(
@@ -163,41 +137,6 @@ def plan_work(
     ]
     work.plan([asked.request.id for asked in found], context.effort)
     return found
-
-
-def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
-    """Yield `function` of each item; StoppedError once the results are not wanted."""
-    for item in items:
-        if _unwanted is not None and _unwanted.is_set():
-            raise StoppedError
-        yield function(item)
-
-
-def listen(unwanted: Event, counts: Counts | None = None) -> None:
-    """Set the event that stops this process, and end it with the one that began it.
-
-    Ctrl-C is for that one, which then sets the event. Images are counted in `counts`.
-
-    A pool's processes do not notice when that is killed: each waits for the next task
-    on a pipe that the others hold open.
-    """
-    # a pool's processes are told things in this way
-    global _unwanted, _counts
-    _unwanted, _counts = unwanted, counts
-    parent = parent_process()
-    if parent is not None:
-        signal(SIGINT, SIG_IGN)
-        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    """End this process when another one does."""
-    wait([sentinel])
-    os._exit(1)
-
-
-_unwanted: Event | None = None
-_counts: Counts | None = None
 
 
 def _probable(
@@ -236,18 +175,16 @@ def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -
 
 
 def _make(
-    task: Task, asked: _LookRequest, context: CompileContext, number: int
+    task: Task,
+    asked: _LookRequest,
+    context: CompileContext,
+    turns: Turns,
+    priority: float,
 ) -> _Made:
-    """Compile a look, or begin to; its images count under its number, too."""
+    """Compile a look, or begin to."""
     started, report, known = time.perf_counter(), Report(), Begun()
-    own = own_counts(1)
-
-    def told(stage: Stage, images: float) -> None:
-        count(own, 0, stage, images)
-        if _counts is not None:
-            count(_counts, number, stage, images)
-
-    context = replace(context, told=told)
+    elsewhere = Elsewhere()
+    context = replace(context, map=turns.map(priority, elsewhere))
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
         look_at_first(task, asked.request, context, asked.settings[0], known)
@@ -257,6 +194,5 @@ def _make(
         looks=looks,
         known=known,
         findings=tuple(report.found),
-        images=images_of(own, 0),
-        took_s=time.perf_counter() - started,
+        took_s=time.perf_counter() - started + elsewhere.seconds,
     )

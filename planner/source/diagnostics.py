@@ -118,6 +118,8 @@ TITLES: Mapping[str, str] = {
     "MP720": "nothing to export",
     "MP721": "plan folder is not whole",
     "MP722": "exported plan is infeasible",
+    "MP730": "sweep cannot be made",
+    "MP731": "scheduler or its workers do not fit",
     "MP901": "a picture cannot be used",
     "MP902": "nothing measures this target",
     "MP903": "what is to be measured is not clear",

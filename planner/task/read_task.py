@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from microplan.planner.source.changed_values import ChangedValue, changed
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.files import named_file
 from microplan.planner.source.normalise import plain, plain_lengths, plain_outline
@@ -48,7 +50,9 @@ NM_PER_UM = 1e3
 ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle
 
 
-def load_task(path: str | Path, report: Report) -> Task | None:
+def load_task(
+    path: str | Path, report: Report, changes: Sequence[ChangedValue] = ()
+) -> Task | None:
     """Return the task at `path` with its workcell and drawings.
 
     Parameters
@@ -58,6 +62,8 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     report : Report
         Receives the findings of all files; the task, the workcell and every drawing
         are read whatever is wrong with the others.
+    changes : sequence of ChangedValue
+        Values other than the files'; those below `workcell` are of the workcell file.
 
     Returns
     -------
@@ -66,16 +72,20 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     """
     file = str(path)
     source = read_source(Path(path), file, report, Span(file=file))
-    return None if source is None else read_task(source, report)
+    return None if source is None else read_task(source, report, changes)
 
 
-def read_task(source: Source, report: Report) -> Task | None:
+def read_task(
+    source: Source, report: Report, changes: Sequence[ChangedValue] = ()
+) -> Task | None:
     """Return the task that a source holds, None if there was any error.
 
     As `load_task`, of what has been parsed.
     """
+    here, of_cell = _by_file(changes)
+    source = changed(source, here, report)
     task = check(source, "task", "microplan", report)
-    cell = _workcell(task, report)
+    cell = _workcell(task, of_cell, report)
     parts = read_parts(task, report)
     fingers = read_fingers(cell, report) if cell else {}
     if cell:
@@ -93,8 +103,19 @@ def read_task(source: Source, report: Report) -> Task | None:
     return found if found is not None and check_roundings(found, report) else None
 
 
-def _workcell(task: Checked, report: Report) -> Checked | None:
-    """Return the workcell file that the task names."""
+def _by_file(
+    changes: Sequence[ChangedValue],
+) -> tuple[Sequence[ChangedValue], Sequence[ChangedValue]]:
+    """Return the changes of the task and those of its workcell file."""
+    inside = [c for c in changes if c.key[0] == "workcell" and len(c.key) > 1]
+    here = [change for change in changes if change not in inside]
+    return here, [replace(change, key=change.key[1:]) for change in inside]
+
+
+def _workcell(
+    task: Checked, changes: Sequence[ChangedValue], report: Report
+) -> Checked | None:
+    """Return the workcell file that the task names, with some values changed."""
     if not task.good("workcell"):
         return None
     at = task.source.value("workcell")
@@ -105,6 +126,7 @@ def _workcell(task: Checked, report: Report) -> Checked | None:
     source = read_source(found[0], found[1], report, at)
     if source is None:
         return None
+    source = changed(source, changes, report)
     return check(source, "workcell", "microplan_workcell", report)
 
 

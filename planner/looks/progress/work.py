@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args
@@ -27,6 +26,11 @@ Told = Callable[[Stage, float], None]
 
 def nobody(_stage: Stage, _images: float) -> None:
     """Take what is told, and pass it on to nobody."""
+
+
+def trials_of(item: object) -> float:
+    """Return how many images an item stands for: of trials one each, else none."""
+    return len(item) if isinstance(item, tuple) else 0
 
 
 def telling(
@@ -92,30 +96,13 @@ _LOOK = len(STAGES) + 1  # numbers of a look: images by stage, whether it has en
 MOST_LOOKS = 1024  # that are counted
 
 
-def own_counts(looks: int = MOST_LOOKS) -> Counts:
-    """Return counts for one process."""
-    return array("d", bytes(8 * looks * _LOOK))
-
-
-def shared_counts() -> Counts:
-    """Return counts that processes share.
-
-    Without a lock: each number is written by one process at a time, and a process that
-    is killed leaves none locked.
-    """
-    from multiprocessing.sharedctypes import RawArray  # ctypes, for several jobs alone
-
-    counts: Counts = RawArray("d", MOST_LOOKS * _LOOK)
-    return counts
-
-
 def images_of(counts: Counts, look: int) -> tuple[float, ...]:
     """Return the images of a look by stage."""
     return tuple(counts[look * _LOOK : (look + 1) * _LOOK - 1])
 
 
 def count(counts: Counts, look: int, stage: Stage, images: float) -> None:
-    """Count images of a look; one process at a time makes any of it."""
+    """Count images of a look."""
     if look < MOST_LOOKS:
         at = look * _LOOK + STAGES.index(stage)
         counts[at] = max(counts[at] + images, _BEGUN)
@@ -128,7 +115,7 @@ _BEGUN = 1e-6  # images: a stage that made none yet, but is begun
 class Work:
     """Images of all looks of a compile; changes no result."""
 
-    counts: Counts = field(default_factory=own_counts)
+    counts: Counts = field(default_factory=lambda: [0.0] * (MOST_LOOKS * _LOOK))
     heard: Callable[[CompileProgress], None] = lambda _reached: None
     numbers: dict[str, int] = field(default_factory=dict)  # of looks
     planned: tuple[float, ...] = ()  # of each look, by stage
@@ -146,8 +133,13 @@ class Work:
         self.say()
 
     def told(self, look: str) -> Told:
-        """Begin a look; return what is to be told of its stages."""
-        number, self.look = self.number(look), look
+        """Make a look the present one; return what is to be told of its stages."""
+        self.look = look
+        return self.counting(look)
+
+    def counting(self, look: str) -> Told:
+        """Return what is to be told of a look's stages."""
+        number = self.number(look)
 
         def tell(stage: Stage, images: float) -> None:
             count(self.counts, number, stage, images)
@@ -158,16 +150,6 @@ class Work:
     def number(self, look: str) -> int:
         """Return the number of a look; one that was not planned is not counted."""
         return self.numbers.get(look, MOST_LOOKS)
-
-    def counted(self, look: str, images: Sequence[float]) -> None:
-        """Take the images of a look by stage as counted where it was made.
-
-        That may have been without a memory that both share.
-        """
-        at = self.number(look) * _LOOK
-        if look in self.numbers:
-            for offset, known in enumerate(images):
-                self.counts[at + offset] = max(self.counts[at + offset], known)
 
     def ended(self, look: str) -> None:
         """Take a look as done, whatever was planned."""

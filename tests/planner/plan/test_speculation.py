@@ -6,9 +6,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from dataclasses import replace
-from multiprocessing import Event
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,9 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
-from microplan.planner.looks.progress.work import (
-    CompileProgress,
-    Work,
-    count,
-    images_of,
-    shared_counts,
-)
-from microplan.planner.plan import speculation as ahead
-from microplan.planner.plan.compiler import workers
-from microplan.planner.plan.speculation import StoppedError, begin, listen, until_told
+from microplan.planner.plan.speculation import begin
+from microplan.planner.queue.turns import Turns
+from microplan.planner.queue.workers import StoppedError
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.views.requests import requests
@@ -34,17 +26,18 @@ from tests.planner.examples import EXAMPLE, copy_example, one_look, read
 EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
 
 
-class Held(Executor):
+class Held(Turns):
     """Takes work, and leaves it undone."""
 
     def __init__(self) -> None:
         self.waiting: list[Future[Any]] = []
 
-    def submit(
-        self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
-    ) -> Future[Any]:
+    def start(self, work: Callable[[], Any]) -> Future[Any]:
         self.waiting.append(Future())
         return self.waiting[-1]
+
+    def of(self, found: Future[Any]) -> Any:
+        return found.result()
 
 
 def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
@@ -81,54 +74,13 @@ def test_a_look_made_ahead_is_used_only_for_the_same_request(tmp_path: Path) -> 
         found.looks(task, asked, EFFECTS, low, report)
 
 
-def test_what_waits_for_a_look_made_elsewhere_says_how_far_it_is(
-    tmp_path: Path,
-) -> None:
-    """It stops waiting only for what is said."""
-    file = copy_example(tmp_path / "task")
-    one_look(file)
-    task, report, pool = read(file), Report(), Held()
-    states = unfold(task, report)
-    low, _ = task.workcell.optics.magnification
-    (asked,) = requests(task, states, 0, None)
-    heard: list[CompileProgress] = []
-
-    def hears(reached: CompileProgress) -> None:
-        heard.append(reached)
-        if not pool.waiting[0].done():
-            count(work.counts, 0, "race", 3)  # as the other process does
-            if len(heard) == 2:
-                pool.waiting[0].set_exception(StoppedError())
-
-    work = Work(heard=hears)
-    found = begin(pool, task, states, EFFECTS, low, work)
-    with pytest.raises(StoppedError):
-        found.looks(task, asked, EFFECTS, low, report)
-    assert [each.here.made for each in heard] == [0, 3]
-    assert [each.stage for each in heard] == ["", "race"]
-
-
-def two_images() -> None:
-    """Count two images of look 3 of a race, in the process that this runs in."""
-    assert ahead._counts is not None
-    count(ahead._counts, 3, "race", 2)
-
-
-def test_other_processes_count_where_this_one_reads() -> None:
-    counts = shared_counts()
-    with workers(2, counts) as pool:
-        assert pool is not None
-        pool.submit(two_images).result()
-    assert images_of(counts, 3)[0] == 2
-    assert sum(counts) == 2
-
-
 POOL = """
 import os, time
-from microplan.planner.plan.compiler import workers
-with workers(2) as pool:
-    pool.submit(time.sleep, 300)
-    print(os.getpid(), *pool._processes, flush=True)
+from functools import partial
+from microplan.planner.plan.open_queue import opened
+with opened(2, None) as queue:
+    queue.submit(partial(time.sleep, 300))
+    print(os.getpid(), *queue._pool._processes, flush=True)
     time.sleep(300)
 """
 
@@ -154,15 +106,3 @@ def test_no_process_outlives_a_compiler_that_is_killed() -> None:
     while any(map(runs, pids)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(runs, pids))
-
-
-def test_work_that_nobody_wants_stops(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "_unwanted", None)
-    assert list(until_told(abs, [-1, 2])) == [1, 2]
-    event = Event()
-    listen(event)
-    found = until_told(abs, [-1, 2])
-    assert next(found) == 1
-    event.set()
-    with pytest.raises(StoppedError):
-        next(found)

@@ -12,9 +12,7 @@ from microplan.planner.looks.progress.work import (
     Images,
     Stage,
     Work,
-    count,
     planned_images,
-    shared_counts,
     telling,
 )
 from tests.planner.examples import FEW
@@ -103,28 +101,14 @@ def test_a_look_that_was_not_planned_counts_for_nothing(
     assert heard[-1].all == Images(0.0, 2 * ALL)
 
 
-def test_another_process_counts_in_the_same_numbers(
-    heard: list[CompileProgress],
-) -> None:
-    work = Work(heard=heard.append, counts=shared_counts())
-    work.plan(["a", "b"], FEW)
-    work.told("b")
-    count(work.counts, work.number("b"), RACE, 2)  # as that process does
-    work.say()
-    assert heard[-1].stage == RACE
-    assert heard[-1].here.made == 2
-
-
-def test_without_shared_numbers_what_was_made_is_told_at_the_end(
+def test_a_look_made_ahead_counts_and_is_not_the_present_one(
     work: Work, heard: list[CompileProgress]
 ) -> None:
-    work.told("b")
-    work.counted("b", (2, 0, 0, 0, PLANNED[TRIALS]))
-    work.counted("b", (1, 0, 0, 0, 0))  # less than is known
-    work.counted("c", (1, 0, 0, 0, 0))
-    work.say()
-    whole = PLANNED[RACE] + PLANNED[TRIALS]
-    assert heard[-1].here == Images(whole, whole)
+    work.told("a")(RACE, 1)
+    work.counting("b")(RACE, 2)
+    assert heard[-1].look == "a"
+    assert heard[-1].here.made == 1
+    assert heard[-1].all.made == 3
 
 
 def test_a_map_that_tells_is_the_map() -> None:
