@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -15,13 +18,18 @@ import pytest
 
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.look_problem import CompileContext
+from microplan.planner.plan import open_queue
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.options import Options
 from microplan.planner.plan.speculation import begin
+from microplan.planner.queue.processes import ProcessQueue
 from microplan.planner.queue.turns import Turns
 from microplan.planner.queue.workers import StoppedError
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.views.requests import requests
-from tests.planner.examples import EXAMPLE, copy_example, one_look, read
+from microplan.schemas.plan import dump_plan
+from tests.planner.examples import EXAMPLE, FEW, copy_example, one_look, read
 
 EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
 
@@ -106,3 +114,32 @@ def test_no_process_outlives_a_compiler_that_is_killed() -> None:
     while any(map(runs, pids)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not any(map(runs, pids))
+
+
+class Deadly(ProcessQueue):
+    """Loses a process at every thirtieth chunk."""
+
+    taken = 0
+
+    def submit(self, chunk: Callable[[], Any], priority: float = 0.0) -> Future[Any]:
+        self.taken += 1
+        if self.taken % 30 == 10:
+            with contextlib.suppress(ProcessLookupError, StopIteration):
+                os.kill(next(iter(self._pool._processes or {})), signal.SIGKILL)
+        return super().submit(chunk, priority)
+
+
+@pytest.mark.slow  # a look, three times
+def test_dead_workers_and_jobs_change_no_byte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    found = []
+    for jobs, queue in ((1, ProcessQueue), (3, ProcessQueue), (2, Deadly)):
+        monkeypatch.setattr(open_queue, "ProcessQueue", queue)
+        options = Options(preset="fast", effort=FEW, max_image_error=0.1, jobs=jobs)
+        made = compile_task(read(file), Report(), options)
+        assert made is not None
+        found.append(dump_plan(made.plan))
+    assert found[0] == found[1] == found[2]
