@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import house
 from benchmarks.compiling import (
+    cluster,
     earlier_commits,
     fit,
     fit_outlines,
@@ -76,6 +77,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     hostile.BENCHMARK,
     same_meaning.BENCHMARK,
     imports.BENCHMARK,
+    cluster.BENCHMARK,
     times.BENCHMARK,
     memory.BENCHMARK,
     compile_rival.BENCHMARK,
