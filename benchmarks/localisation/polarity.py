@@ -4,9 +4,8 @@ Parts are drawn at random: polygons and half discs with holes, thin slots side b
 toothed discs; so are reflectances, backgrounds, focus, zoom, a neighbour above or
 below. The prediction comes from what routines are prepared with, another defocus law,
 fast and integrated over pixels; the truth from the oracle's exact law at points, layer
-by layer, with what two of them hide together by rays (`hidden_together.py`). In light
-from below and from a ring the truth is traced ray by ray
-(`benchmarks.selection.lit_parts.py`).
+by layer, with what two of them hide together by rays (`hidden_together`). In light from
+below and from a ring the truth is traced ray by ray (`lit_parts`).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.localisation.hidden_together import hidden_together
+from benchmarks.selection.hidden_together import hidden_together
 from benchmarks.selection.lit_parts import KINDS, judged
 from benchmarks.selection.random_parts import random_case
 from microplan.arrays import FloatArray
