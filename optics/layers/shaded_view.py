@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.layers.coaxial_light import (
     Irradiance,
     area_um,
@@ -40,7 +41,8 @@ _STEPS = 4  # an octave of distances between points
 # taken as sharp, and about its edges on the finest points.
 _NEAR = 4.5
 # times closer are points about edges near focus: of all rays, and of trials' images
-_FINER, _LESS = 2.0, 1.4
+_FINER, _LESS = 2.0, 1.0
+_ABOUT_UM = 4.0  # of trials' points beyond those edges: lens and spline feel no more
 _SHARP = 0.02  # of that distance: a blur that images do not show
 # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
 _UNIFORM = 0.005
@@ -157,8 +159,10 @@ class ShadedView:
             return change
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=self.frame.part(*part))
-        closer = _FINER if self.rays >= 1 else _LESS
-        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, closer)
+        closer, where = (_FINER, None) if self.rays >= 1 else (_LESS, edges[part] > 0)
+        finer = about.blending_residual(
+            scene, cut, shaded, _SHARP * fine, closer, where
+        )
         if finer is None and change is None:
             return None
         coarse = np.zeros(edges.shape) if change is None else change
@@ -174,11 +178,12 @@ class ShadedView:
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
         finer: float = 1.0,
+        where: BoolArray | None = None,
     ) -> FloatArray | None:
         """Return the residual if faces blurred by up to `sharp_um` hide sharply.
 
         (rows, columns), share of full scale; None where there is none. Points are so
-        many times `finer`.
+        many times `finer`. `where` it is wanted, (rows, columns): by default all over.
         """
         faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
         found = joint_residual(
@@ -186,6 +191,7 @@ class ShadedView:
             lattice,
             self.microscope,
             rays=ray_count(lattice, self.rays),
+            wanted=None if where is None else self._points_about(where, lattice),
         )
         if found is None:
             return None
@@ -325,8 +331,23 @@ class ShadedView:
         """Return how far aside rays through one point of the image meet a height."""
         return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
+    def _points_about(self, where: BoolArray, lattice: Lattice) -> BoolArray:
+        """Return the points of a lattice about some pixels, (rows, columns) each."""
+        x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
+        (left, top), step = lattice.corner_um, lattice.step_um
+        down, right = (
+            np.clip(np.rint((first + sign * step * np.arange(n) - axis[0]) / axis[1]),
+                    0, axis[2] - 1).astype(np.intp)
+            for first, sign, n, axis in ((top, -1, lattice.shape[0], y),
+                                         (left, 1, lattice.shape[1], x))
+        )  # fmt: skip
+        wide = 2 * math.ceil(_ABOUT_UM / self.microscope.um_per_px) + 1
+        return np.asarray(maximum_filter(where, wide)[np.ix_(down, right)])
+
     def at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
         """Return values of a lattice at the pixels, (rows, columns)."""
+        if not values.any():
+            return np.zeros((self.frame.rows, self.frame.columns))
         x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
 
