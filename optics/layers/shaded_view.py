@@ -256,7 +256,9 @@ class ShadedView:
         z_um = height_um - self.focus_um
         points = self._met(lattice, z_um, shaded.get(height_um))
         is_sharp = self.reach_um(height_um) <= sharp_um
-        covers, sends = laid([] if is_sharp else [c.layer for c in group], points)
+        covers, sends = laid(
+            [] if is_sharp else [c.layer for c in group], points, self.rays
+        )
         light: Float32Array | None = None
         thin = False
         images: tuple[JointFace, ...] = ()
@@ -267,7 +269,8 @@ class ShadedView:
             if finish > 0:
                 rays = ray_count(lattice, self.rays)
                 images = image_faces(
-                    face.images, lattice, self.microscope, self.focus_um, rays
+                    face.images, lattice, self.microscope, self.focus_um, rays,
+                    self.rays,
                 )
         return JointFace(
             z_um=z_um,

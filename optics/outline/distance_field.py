@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import lru_cache, reduce
 from itertools import product
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray, Point
 from microplan.optics.outline.cell_areas import cells
 from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.outline.outline import Outline
@@ -64,6 +65,27 @@ class DistanceField:
         row *= self.values.shape[1]
         row += column
         return self.values.ravel().take(row)
+
+    def at_even_points(
+        self, corner_um: Point, step_um: float, shape: tuple[int, int]
+    ) -> Float32Array:
+        """Return distances at points of a square lattice, (rows, columns) um.
+
+        Rows run down from the world point `corner_um`; linear between the grid's points.
+        """
+        (c, s), (x0, y0), (u, v) = self.turn, self.origin_um, self.corner_um
+        k, (x, y) = 1 / STEP_UM, (corner_um[0] - x0, corner_um[1] - y0)
+        along, aside = k * step_um * c, k * step_um * s
+        places = np.array(
+            [[along, -aside, k * (c * x + s * y - u)],
+             [-aside, -along, k * (c * y - s * x - v)]]
+        )  # fmt: skip
+        found = cv2.warpAffine(
+            self.values, places, shape[::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        return np.asarray(found, dtype=np.float32)
 
     def normal(
         self, x: Float32Array, y: Float32Array

@@ -33,14 +33,17 @@ class JointFace:
     images: tuple[JointFace, ...] = ()  # of higher faces in the mirror; black
 
 
-def laid(layers: Sequence[Layer], points: Lattice) -> tuple[Float32Array, Float32Array]:
+def laid(
+    layers: Sequence[Layer], points: Lattice, finer: float
+) -> tuple[Float32Array, Float32Array]:
     """Return shares that layers of one height cover at points, and send.
 
     Two (rows, columns) arrays, 0..1. Where they overlap, one lies over the other.
+    `finer`: as in `Lattice.covered`.
     """
     covers = sends = np.zeros(points.shape, dtype=np.float32)
     for number, layer in enumerate(layers):
-        own = points.held_cells(layer)
+        own = points.covered(layer, finer)
         sent = layer.reflectance * own
         if number == 0:
             covers, sends = own, sent

@@ -71,10 +71,11 @@ def image_faces(
     microscope: Microscope,
     focus_um: float,
     rays: int,
+    finer: float,
 ) -> tuple[JointFace, ...]:
     """Return images as black faces where rays from a lattice's points meet them.
 
-    There are so many `rays` a point.
+    There are so many `rays` a point; `finer`: as in `Lattice.covered`.
     """
     found = []
     for group in images:
@@ -82,7 +83,7 @@ def image_faces(
         points = met_lattice(lattice, microscope, z_um, rays)
         free = np.ones(points.shape, dtype=np.float32)
         for layer in group:
-            free *= 1 - points.held_cells(layer)
+            free *= 1 - points.covered(layer, finer)
         found.append(
             JointFace(
                 z_um=z_um,
