@@ -225,6 +225,7 @@ def _with_images(
         share = free_of_images(
             images, view.microscope, focus_um=view.focus_um, model=view.model,
             window=view.frame, shift_um=view.shift_um, sampling=sampling,
+            finer=view.rays,
         )  # fmt: skip
         found[z_um] = replace(found[z_um], images=images, mirrored=share)
     return found

@@ -163,7 +163,7 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
     dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
     u, v = c * dx + s * dy, c * dy - s * dx
-    box = _wanted(own_edges(own), (u - half, v - half, u + half, v + half))
+    box = _wanted(_near(own), (u - half, v - half, u + half, v + half))
     if box is None:
         return None
     return DistanceField(
@@ -171,13 +171,39 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     )
 
 
-def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
-    """Return the box of a grid: all about the edges, or what a wanted box has of it.
+def whole_field(outline: Outline) -> DistanceField | None:
+    """Return distances all about an outline's edges, None where these are too many.
+
+    Beyond they are those at the rim: `BEYOND_UM` or more.
+    """
+    if not outline.rings:
+        return None
+    turn, origin, own = own_frame(outline)
+    near = _near(own)
+    if not _is_small(near):
+        return None
+    return DistanceField(
+        turn=turn, origin_um=origin, corner_um=near[:2], grid=_kept(own, near)
+    )
+
+
+@lru_cache(maxsize=64)
+def _near(key: OwnEdges) -> Box:
+    """Return the box all about edges."""
+    left, low, right, high = own_edges(key).bounds_um
+    return left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM
+
+
+def _is_small(box: Box) -> bool:
+    """Return whether a box is so small that a grid holds all of it."""
+    return (box[2] - box[0]) * (box[3] - box[1]) / STEP_UM**2 <= _WHOLE
+
+
+def _wanted(near: Box, box: Box) -> Box | None:
+    """Return the box of a grid: all about edges, or what a wanted box has of it.
 
     None where that is nothing.
     """
-    left, low, right, high = edges.bounds_um
-    near = (left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM)
     even = [
         _EVEN_UM * (math.floor if k < 2 else math.ceil)(at / _EVEN_UM)
         for k, at in enumerate(box)
@@ -186,8 +212,7 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
            min(even[2], near[2]), min(even[3], near[3]))  # fmt: skip
     if met[0] >= met[2] or met[1] >= met[3]:
         return None
-    points = (near[2] - near[0]) * (near[3] - near[1]) / STEP_UM**2
-    return near if points <= _WHOLE else met
+    return near if _is_small(near) else met
 
 
 @lru_cache(maxsize=16)
