@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.cell_areas import cells
-from microplan.optics.outline.distance_field import BEYOND_UM, whole_field
+from microplan.optics.outline.distance_field import BEYOND_UM, even_distances
 from microplan.optics.render.pruned_ifft import fast_length
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -96,11 +96,11 @@ class Lattice:
         `microplan.optics.render.sampling.Sampling.rays`. Distances are kept while a
         body moves. At an edge askew the share is .04 off at most, at a corner .25.
         """
-        few = finer < 1 and self.step_um <= _DISTANT_UM
-        field = whole_field(layer.outline) if few else None
-        if field is None:
+        if finer >= 1 or self.step_um > _DISTANT_UM or not layer.outline.rings:
             return self.held_cells(layer)
-        found = field.at_even_points(self.corner_um, self.step_um, self.shape)
+        found = even_distances(
+            layer.outline, self.corner_um, self.step_um, self.shape
+        )
         np.multiply(found, np.float32(-1 / self.step_um), out=found)
         found += np.float32(0.5)
         return np.clip(found, 0, 1, out=found)
