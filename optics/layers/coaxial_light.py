@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.lattice import MORE, Area, EvenPoints, Lattice
+from microplan.optics.layers.lattice import MORE, Area, EvenPoints, Lattice, blur
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import cover
 from microplan.optics.render.sampling import Sampling
@@ -231,10 +231,17 @@ def _shade(
         height_px=1,
         fill_factor=1.0 if step < 2 * finest_um else _POINT,
     )
-    found = cover(
-        layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
-    )
-    kept = np.sum([c.coverage for c in found], axis=0)
+    if sampling.planes:
+        by = math.ceil(radius / step)
+        wide = lattice.grown(by)
+        whole = np.sum([wide.covered(layer, 0.0) for layer in layers], axis=0)
+        kept = blur(whole, step, point, "exact", height_um, cell_um=step)
+        kept = kept[by:-by, by:-by]
+    else:
+        found = cover(
+            layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
+        )
+        kept = np.sum([c.coverage for c in found], axis=0)
     if not kept.any():
         return None
     return LayerShade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
