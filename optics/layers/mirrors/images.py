@@ -14,16 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import area_um, pixel_axes_um
 from microplan.optics.layers.joint.joint_faces import JointFace
 from microplan.optics.layers.joint.joint_occlusion import met_lattice
-from microplan.optics.layers.lattice import Lattice, blur
-from microplan.optics.render.render import cover
+from microplan.optics.layers.lattice import Lattice
+from microplan.optics.layers.wide_blur import cover_few
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
-
-_A_BLUR = 8  # points in a blur's radius, of trials' images
 
 Images = tuple[tuple[Layer, ...], ...]  # by height, the nearest to the mirror first
 
@@ -52,32 +49,19 @@ def free_of_images(
     window: Window,
     shift_um: tuple[float, float],
     sampling: Sampling,
-    finer: float,
 ) -> FloatArray:
     """Return what blurred images leave of a mirror's light, (rows, columns), 0..1.
 
     At the pixels; the product over heights. Arguments as in
-    `microplan.optics.render.render.render`. `finer`: as `Sampling.rays`; below 1 what
-    is blurred widely is blurred on points as far apart as that allows.
+    `microplan.optics.render.render.render`.
     """
-    axes = pixel_axes_um(microscope, window, shift_um)
     share = np.ones((window.rows, window.columns))
     for group in images:
-        away_um = group[0].z_um - focus_um
-        step = microscope.blur_diameter_um(away_um) / 2 / _A_BLUR
-        if finer < 1 and step > 2 * microscope.um_per_px:
-            area = area_um(microscope, window, shift_um, away_um)
-            points = Lattice.over(area, step)
-            hidden = np.sum([points.covered(layer, finer) for layer in group], axis=0)
-            blurred = blur(hidden, step, microscope, model, away_um)
-            found = points.read(blurred, *axes)
-        else:
-            covers = cover(
-                group, microscope, focus_um=focus_um, model=model, window=window,
-                shift_um=shift_um, sampling=sampling,
-            )  # fmt: skip
-            found = np.sum([each.coverage for each in covers], axis=0)
-        share *= 1 - np.clip(found, 0.0, 1.0)
+        found = cover_few(
+            group, microscope, focus_um=focus_um, model=model, window=window,
+            shift_um=shift_um, sampling=sampling,
+        )  # fmt: skip
+        share *= 1 - np.clip(np.sum([c.coverage for c in found], axis=0), 0.0, 1.0)
     return share
 
 
