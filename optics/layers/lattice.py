@@ -98,9 +98,7 @@ class Lattice:
         """
         if finer >= 1 or self.step_um > _DISTANT_UM or not layer.outline.rings:
             return self.held_cells(layer)
-        found = even_distances(
-            layer.outline, self.corner_um, self.step_um, self.shape
-        )
+        found = even_distances(layer.outline, self.corner_um, self.step_um, self.shape)
         np.multiply(found, np.float32(-1 / self.step_um), out=found)
         found += np.float32(0.5)
         return np.clip(found, 0, 1, out=found)

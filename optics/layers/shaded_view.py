@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.layers.coaxial_light import (
@@ -27,6 +26,7 @@ from microplan.optics.layers.joint.joint_occlusion import (
 )
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.mirrors.images import Images, image_faces
+from microplan.optics.layers.near_edges import partly_covered, points_about
 from microplan.optics.layers.rays import extent
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
@@ -42,10 +42,7 @@ _STEPS = 4  # an octave of distances between points
 _NEAR = 4.5
 # times closer are points about edges near focus: of all rays, and of trials' images
 _FINER, _LESS = 2.0, 1.0
-_ABOUT_UM = 4.0  # of trials' points beyond those edges: lens and spline feel no more
 _SHARP = 0.02  # of that distance: a blur that images do not show
-# a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
-_UNIFORM = 0.005
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +150,7 @@ class ShadedView:
             for c, r in zip(seen, reach, strict=True)
             if _SHARP * fine < r <= _NEAR * fine
         ]
-        edges = _edges(near)
+        edges = partly_covered(near)
         part = None if edges is None else extent(edges > 0)
         if edges is None or part is None:
             return change
@@ -186,13 +183,11 @@ class ShadedView:
         many times `finer`. `where` it is wanted, (rows, columns): by default all over.
         """
         faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
-        found = joint_residual(
-            faces,
-            lattice,
-            self.microscope,
-            rays=ray_count(lattice, self.rays),
-            wanted=None if where is None else self._points_about(where, lattice),
-        )
+        m, wanted = self.microscope, None
+        if where is not None:
+            wanted = points_about(where, lattice, m, self.frame, self.shift_um)
+        rays = ray_count(lattice, self.rays)
+        found = joint_residual(faces, lattice, m, rays=rays, wanted=wanted)
         if found is None:
             return None
         change = self.at_pixels(found.below, lattice)
@@ -269,7 +264,11 @@ class ShadedView:
             if finish > 0:
                 rays = ray_count(lattice, self.rays)
                 images = image_faces(
-                    face.images, lattice, self.microscope, self.focus_um, rays,
+                    face.images,
+                    lattice,
+                    self.microscope,
+                    self.focus_um,
+                    rays,
                     self.rays,
                 )
         return JointFace(
@@ -334,19 +333,6 @@ class ShadedView:
         """Return how far aside rays through one point of the image meet a height."""
         return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
-    def _points_about(self, where: BoolArray, lattice: Lattice) -> BoolArray:
-        """Return the points of a lattice about some pixels, (rows, columns) each."""
-        x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
-        (left, top), step = lattice.corner_um, lattice.step_um
-        down, right = (
-            np.clip(np.rint((first + sign * step * np.arange(n) - axis[0]) / axis[1]),
-                    0, axis[2] - 1).astype(np.intp)
-            for first, sign, n, axis in ((top, -1, lattice.shape[0], y),
-                                         (left, 1, lattice.shape[1], x))
-        )  # fmt: skip
-        wide = 2 * math.ceil(_ABOUT_UM / self.microscope.um_per_px) + 1
-        return np.asarray(maximum_filter(where, wide)[np.ix_(down, right)])
-
     def at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
         """Return values of a lattice at the pixels, (rows, columns)."""
         if not values.any():
@@ -360,15 +346,3 @@ def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
     ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
     groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
     return [list(group) for _, group in groups]
-
-
-def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:
-    """Return where layers cover in part, (rows, columns): 1, and less beside it.
-
-    Images must change smoothly as a body moves: slopes are differences of them.
-    """
-    if not coverages:
-        return None
-    partly = np.max([np.minimum(c, 1 - c) for c in coverages], axis=0)
-    found: FloatArray = np.clip(partly / _UNIFORM - 1, 0.0, 1.0)
-    return found

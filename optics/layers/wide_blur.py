@@ -34,7 +34,8 @@ def cover_few(
     blurred widely come from fewer points, on which distances from edges say what they
     cover.
     """
-    frame, found = window or full(microscope), []
+    frame = window or full(microscope)
+    found: list[Covered] = []
     few = sampling.planes and sampling.band_error >= BAND_ERROR
     for layer in layers:
         away_um = layer.z_um - focus_um
@@ -46,7 +47,7 @@ def cover_few(
             )  # fmt: skip
             continue
         points = Lattice.over(area_um(microscope, frame, shift_um, away_um), step)
-        cells = points.covered(layer, 0.0)
+        cells = points.covered(layer, 0.0).astype(np.float64)
         seen = blur(cells, step, microscope, model, away_um, cell_um=step)
         coverage = points.read(seen, *pixel_axes_um(microscope, frame, shift_um))
         coverage.setflags(write=False)

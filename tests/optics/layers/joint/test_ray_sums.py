@@ -97,7 +97,8 @@ def mirrored_too(
 ) -> FloatArray:
     if not mirrored:
         return dull
-    return (1 - face.finish) * dull + face.finish * np.prod(mirrored, axis=0)
+    mirrors: FloatArray = np.prod(mirrored, axis=0)
+    return (1 - face.finish) * dull + face.finish * mirrors
 
 
 def residual(met: Sequence[MetFace], wanted: BoolArray | None = None) -> FloatArray:
@@ -140,9 +141,7 @@ def test_residuals_are_those_of_faces_laid_ray_by_ray(seed: int) -> None:
 
 def test_where_it_is_wanted_a_residual_is_as_if_it_were_all_over() -> None:
     rng = np.random.default_rng(5)
-    met = [
-        MetFace.of(each, slopes(microscope(), RAYS), LATTICE) for each in scene(rng)
-    ]
+    met = [MetFace.of(each, slopes(microscope(), RAYS), LATTICE) for each in scene(rng)]
     wanted = np.zeros(LATTICE.shape, dtype=np.bool_)
     wanted[2:5, 70:90], wanted[-1, -1] = True, True
     part, whole = residual(met, wanted), residual(met)
