@@ -10,9 +10,10 @@ import numpy as np
 
 from microplan.featuresel.look.scenario import Backdrop, LookCase
 from microplan.optics.layers.coaxial_light import Irradiance, irradiances
+from microplan.optics.layers.wide_blur import cover_few
 from microplan.optics.outline.outline import place
 from microplan.optics.render.prepared_scene import PreparedScene, prepare
-from microplan.optics.render.render import Covered, cover
+from microplan.optics.render.render import Covered
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.render.view_range import Range
@@ -112,7 +113,7 @@ def fresh(case: LookCase, layers: Sequence[Layer]) -> Backdrop:
     """Return layers of a look as it is, transformed for one image alone."""
     if not case.shares_still_layers:
         return Backdrop()
-    found = cover(
+    found = cover_few(
         layers,
         case.microscope,
         focus_um=case.focus_um,

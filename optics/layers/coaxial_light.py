@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.lattice import MORE, Area, EvenPoints, Lattice
+from microplan.optics.layers.lattice import MORE, Area, EvenPoints, Lattice, blur
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import cover
 from microplan.optics.render.sampling import Sampling
@@ -27,6 +27,7 @@ from microplan.optics.transfer.microscope import Microscope
 # Points a radius of the shade's soft rim, which rises as the overlap of two discs, and
 # of the blur by which it is seen: `benchmarks/optics/shading.py` measures the rest.
 _A_RIM, _A_BLUR = 8, 16
+_CLOSER = 2  # times closer are points where distances say what layers cover
 _POINT = 1e-9  # a pixel's light-sensitive share that makes it a point
 # Rays do not diffract between lamp and face. The Airy pattern that a transfer brings
 # with it is set to so small a share of the rim, but not far below a point's share.
@@ -231,13 +232,32 @@ def _shade(
         height_px=1,
         fill_factor=1.0 if step < 2 * finest_um else _POINT,
     )
-    found = cover(
-        layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
-    )
-    kept = np.sum([c.coverage for c in found], axis=0)
+    if sampling.planes:
+        kept = _blurred(layers, lattice, point, height_um)
+    else:
+        found = cover(
+            layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
+        )
+        kept = np.sum([c.coverage for c in found], axis=0)
     if not kept.any():
         return None
     return LayerShade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
+
+
+def _blurred(
+    layers: Sequence[Layer], lattice: Lattice, point: Microscope, height_um: float
+) -> FloatArray:
+    """Return the shade of layers so high on a lattice, from closer points beyond it."""
+    w, step = lattice.window, lattice.step_um / _CLOSER
+    by = math.ceil(point.blur_diameter_um(height_um) / 2 / step)
+    row, column, rows, columns = (
+        _CLOSER * each for each in (w.row, w.column, w.rows, w.columns)
+    )
+    inner = Window(row=row, column=column, rows=rows, columns=columns)
+    wide = Lattice(step_um=step, window=inner).grown(by)
+    whole = np.sum([wide.covered(layer, 0.0) for layer in layers], axis=0)
+    kept = blur(whole, step, point, "exact", height_um, cell_um=step)
+    return kept[by:-by:_CLOSER, by:-by:_CLOSER]
 
 
 def _hard(layers: Sequence[Layer], lattice: Lattice) -> LayerShade | None:

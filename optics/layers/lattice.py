@@ -15,6 +15,7 @@ from scipy.ndimage import distance_transform_edt
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.cell_areas import cells
+from microplan.optics.outline.distance_field import BEYOND_UM, even_distances
 from microplan.optics.render.pruned_ifft import fast_length
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -30,6 +31,7 @@ _EVEN = 16  # points: lattices that end anywhere within as many share cells
 # A point's weight in a cubic spline falls by 2 - sqrt(3) a step: below 1e-27 here.
 _FELT = 48
 _AT_ONCE = 1024  # points whose weights are one array
+_DISTANT_UM = 2 * BEYOND_UM - 8  # step at which distances say what cells cover
 
 
 def margin(finer: float) -> int:
@@ -86,6 +88,20 @@ class Lattice:
         x, y = self.corner_um
         half = self.step_um / 2
         return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
+
+    def covered(self, layer: Layer, finer: float) -> Float32Array:
+        """Return `held_cells`; of trials' rays what distances from its edges say.
+
+        (rows, columns), not to be changed. `finer`: as
+        `microplan.optics.render.sampling.Sampling.rays`. Distances are kept while a
+        body moves. At an edge askew the share is .04 off at most, at a corner .25.
+        """
+        if finer >= 1 or self.step_um > _DISTANT_UM or not layer.outline.rings:
+            return self.held_cells(layer)
+        found = even_distances(layer.outline, self.corner_um, self.step_um, self.shape)
+        np.multiply(found, np.float32(-1 / self.step_um), out=found)
+        found += np.float32(0.5)
+        return np.clip(found, 0, 1, out=found)
 
     def held_cells(self, layer: Layer) -> Float32Array:
         """Return `cells` in single precision, (rows, columns), 0..1, not to be changed.

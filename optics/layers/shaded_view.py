@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.layers.coaxial_light import (
     Irradiance,
     area_um,
@@ -26,6 +26,7 @@ from microplan.optics.layers.joint.joint_occlusion import (
 )
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.mirrors.images import Images, image_faces
+from microplan.optics.layers.near_edges import partly_covered, points_about
 from microplan.optics.layers.rays import extent
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
@@ -40,10 +41,8 @@ _STEPS = 4  # an octave of distances between points
 # taken as sharp, and about its edges on the finest points.
 _NEAR = 4.5
 # times closer are points about edges near focus: of all rays, and of trials' images
-_FINER, _LESS = 2.0, 1.4
+_FINER, _LESS = 2.0, 1.0
 _SHARP = 0.02  # of that distance: a blur that images do not show
-# a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
-_UNIFORM = 0.005
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,14 +150,16 @@ class ShadedView:
             for c, r in zip(seen, reach, strict=True)
             if _SHARP * fine < r <= _NEAR * fine
         ]
-        edges = _edges(near)
+        edges = partly_covered(near)
         part = None if edges is None else extent(edges > 0)
         if edges is None or part is None:
             return change
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=self.frame.part(*part))
-        closer = _FINER if self.rays >= 1 else _LESS
-        finer = about.blending_residual(scene, cut, shaded, _SHARP * fine, closer)
+        closer, where = (_FINER, None) if self.rays >= 1 else (_LESS, edges[part] > 0)
+        finer = about.blending_residual(
+            scene, cut, shaded, _SHARP * fine, closer, where
+        )
         if finer is None and change is None:
             return None
         coarse = np.zeros(edges.shape) if change is None else change
@@ -174,19 +175,19 @@ class ShadedView:
         shaded: Mapping[float, ShadedFace],
         sharp_um: float,
         finer: float = 1.0,
+        where: BoolArray | None = None,
     ) -> FloatArray | None:
         """Return the residual if faces blurred by up to `sharp_um` hide sharply.
 
         (rows, columns), share of full scale; None where there is none. Points are so
-        many times `finer`.
+        many times `finer`. `where` it is wanted, (rows, columns): by default all over.
         """
         faces, lattice = self.joint_faces(scene, seen, shaded, sharp_um, finer)
-        found = joint_residual(
-            faces,
-            lattice,
-            self.microscope,
-            rays=ray_count(lattice, self.rays),
-        )
+        m, wanted = self.microscope, None
+        if where is not None:
+            wanted = points_about(where, lattice, m, self.frame, self.shift_um)
+        rays = ray_count(lattice, self.rays)
+        found = joint_residual(faces, lattice, m, rays=rays, wanted=wanted)
         if found is None:
             return None
         change = self.at_pixels(found.below, lattice)
@@ -250,7 +251,9 @@ class ShadedView:
         z_um = height_um - self.focus_um
         points = self._met(lattice, z_um, shaded.get(height_um))
         is_sharp = self.reach_um(height_um) <= sharp_um
-        covers, sends = laid([] if is_sharp else [c.layer for c in group], points)
+        covers, sends = laid(
+            [] if is_sharp else [c.layer for c in group], points, self.rays
+        )
         light: Float32Array | None = None
         thin = False
         images: tuple[JointFace, ...] = ()
@@ -261,7 +264,12 @@ class ShadedView:
             if finish > 0:
                 rays = ray_count(lattice, self.rays)
                 images = image_faces(
-                    face.images, lattice, self.microscope, self.focus_um, rays
+                    face.images,
+                    lattice,
+                    self.microscope,
+                    self.focus_um,
+                    rays,
+                    self.rays,
                 )
         return JointFace(
             z_um=z_um,
@@ -327,6 +335,8 @@ class ShadedView:
 
     def at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
         """Return values of a lattice at the pixels, (rows, columns)."""
+        if not values.any():
+            return np.zeros((self.frame.rows, self.frame.columns))
         x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
 
@@ -336,15 +346,3 @@ def _by_height(seen: Sequence[Covered]) -> list[list[Covered]]:
     ordered = sorted(seen, key=lambda c: (c.layer.z_um, c.layer.finish, c.layer.name))
     groups = itertools.groupby(ordered, key=lambda c: (c.layer.z_um, c.layer.finish))
     return [list(group) for _, group in groups]
-
-
-def _edges(coverages: Sequence[FloatArray]) -> FloatArray | None:
-    """Return where layers cover in part, (rows, columns): 1, and less beside it.
-
-    Images must change smoothly as a body moves: slopes are differences of them.
-    """
-    if not coverages:
-        return None
-    partly = np.max([np.minimum(c, 1 - c) for c in coverages], axis=0)
-    found: FloatArray = np.clip(partly / _UNIFORM - 1, 0.0, 1.0)
-    return found

@@ -26,6 +26,7 @@ from microplan.optics.layers.mirrors.narrow_lamp import LitPart, lit_parts
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.layers.solids.light_change import light_changes, solid_share
 from microplan.optics.layers.wall_view import wall_residual
+from microplan.optics.layers.wide_blur import cover_few
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
 from microplan.optics.render.layer_blending import blend_layers, light_up
@@ -127,7 +128,7 @@ def _image(
 ) -> FloatArray:
     """Return an image in light of gain 1; mirrors send light to all its rays."""
     scene, microscope = part.scene, part.microscope
-    fresh = cover(
+    fresh = cover_few(
         scene.layers,
         microscope,
         focus_um=focus_um,

@@ -30,7 +30,7 @@ from microplan.optics.layers.solids.view_change import (
 )
 from microplan.optics.outline.clip import grown
 from microplan.optics.render.render import Covered, cover
-from microplan.optics.render.sampling import ROUGH, Sampling
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Scene
 
 # Walls are traced from points this far apart, but from at most so many a side, and
@@ -191,16 +191,22 @@ def _cut(
     sharp: Sequence[tuple[Layer, FloatArray]],
 ) -> FloatArray:
     """Return what bodies cover in the plane in focus, (rows, columns), 0..1."""
-    sections = [replace(layer, z_um=view.focus_um) for layer in through]
-    found = cover(
-        sections, view.microscope, focus_um=view.focus_um, model=view.model,
-        window=view.frame, shift_um=view.shift_um,
-        sampling=replace(
-            _USUAL if view.rays >= 1 else ROUGH, planes=view.planes
-        ),
-    )  # fmt: skip
     free = 1 - sum((share for _, share in sharp), np.zeros(()))
-    whole = np.sum([each.coverage for each in found], axis=0)
+    m = view.microscope
+    if view.rays < 1:
+        area = area_um(m, view.frame, view.shift_um, 0.0)
+        points = Lattice.over(area, m.um_per_px)
+        cells = np.sum([points.covered(la, view.rays) for la in through], axis=0)
+        seen = blur(cells, m.um_per_px, m, view.model, 0.0, cell_um=m.um_per_px)
+        whole = view.at_pixels(seen, points)
+    else:
+        sections = [replace(layer, z_um=view.focus_um) for layer in through]
+        found = cover(
+            sections, m, focus_um=view.focus_um, model=view.model,
+            window=view.frame, shift_um=view.shift_um,
+            sampling=replace(_USUAL, planes=view.planes),
+        )  # fmt: skip
+        whole = np.sum([each.coverage for each in found], axis=0)
     return np.asarray(np.clip(whole, 0.0, free))
 
 

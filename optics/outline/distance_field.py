@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import lru_cache, reduce
 from itertools import product
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray, Point
 from microplan.optics.outline.cell_areas import cells
 from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.outline.outline import Outline
@@ -141,7 +142,7 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     half = math.hypot(area[2] - area[0], area[3] - area[1]) / 2
     dx, dy = (area[0] + area[2]) / 2 - x0, (area[1] + area[3]) / 2 - y0
     u, v = c * dx + s * dy, c * dy - s * dx
-    box = _wanted(own_edges(own), (u - half, v - half, u + half, v + half))
+    box = _wanted(_near(own), (u - half, v - half, u + half, v + half))
     if box is None:
         return None
     return DistanceField(
@@ -149,13 +150,64 @@ def distance_field(outline: Outline, area: Box) -> DistanceField | None:
     )
 
 
-def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
-    """Return the box of a grid: all about the edges, or what a wanted box has of it.
+def even_distances(
+    outline: Outline, corner_um: Point, step_um: float, shape: tuple[int, int]
+) -> Float32Array:
+    """Return distances from an outline's edges at points of a square lattice.
+
+    Parameters
+    ----------
+    outline : Outline
+        In the world, um; not empty.
+    corner_um : (x, y)
+        The first point; rows run down from there.
+    step_um, shape
+        Of the lattice.
+
+    Returns
+    -------
+    (rows, columns) float32 array
+        um, linear between the points of a grid, whose step is larger for a large
+        outline; negative inside. Beyond `BEYOND_UM` from all edges they are that or
+        more.
+    """
+    (c, s), (x0, y0), own = own_frame(outline)
+    near = _near(own)
+    grid_um = STEP_UM
+    while _points(near, grid_um) > _WHOLE:
+        grid_um *= 2
+    values = _kept(own, near).values if grid_um == STEP_UM else _large(own, grid_um)
+    k, x, y = 1 / grid_um, corner_um[0] - x0, corner_um[1] - y0
+    along, aside = k * step_um * c, k * step_um * s
+    places = np.array(
+        [[along, -aside, k * (c * x + s * y - near[0])],
+         [-aside, -along, k * (c * y - s * x - near[1])]]
+    )  # fmt: skip
+    found = cv2.warpAffine(
+        values, places, shape[::-1],
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip
+    return np.asarray(found, dtype=np.float32)
+
+
+@lru_cache(maxsize=64)
+def _near(key: OwnEdges) -> Box:
+    """Return the box all about edges."""
+    left, low, right, high = own_edges(key).bounds_um
+    return left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM
+
+
+def _points(box: Box, step_um: float) -> float:
+    """Return how many points a box has."""
+    return (box[2] - box[0]) * (box[3] - box[1]) / step_um**2
+
+
+def _wanted(near: Box, box: Box) -> Box | None:
+    """Return the box of a grid: all about edges, or what a wanted box has of it.
 
     None where that is nothing.
     """
-    left, low, right, high = edges.bounds_um
-    near = (left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM)
     even = [
         _EVEN_UM * (math.floor if k < 2 else math.ceil)(at / _EVEN_UM)
         for k, at in enumerate(box)
@@ -164,23 +216,33 @@ def _wanted(edges: EdgeArrays, box: Box) -> Box | None:
            min(even[2], near[2]), min(even[3], near[3]))  # fmt: skip
     if met[0] >= met[2] or met[1] >= met[3]:
         return None
-    points = (near[2] - near[0]) * (near[3] - near[1]) / STEP_UM**2
-    return near if points <= _WHOLE else met
+    return near if _points(near, STEP_UM) <= _WHOLE else met
 
 
 @lru_cache(maxsize=16)
 def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
     edges = own_edges(key)
-    columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
-    rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
-    x: FloatArray = box[0] + STEP_UM * np.arange(columns, dtype=np.float64)
-    y: FloatArray = box[1] + STEP_UM * np.arange(rows, dtype=np.float64)
+    return DistanceGrid(_values(edges, box, STEP_UM), _corners(edges, box))
+
+
+@lru_cache(maxsize=8)
+def _large(key: OwnEdges, step_um: float) -> Float32Array:
+    """Return distances all about edges, (rows, columns) um, y upwards."""
+    return _values(own_edges(key), _near(key), step_um)
+
+
+def _values(edges: EdgeArrays, box: Box, step_um: float) -> Float32Array:
+    """Return distances at the points of a box, (rows, columns) um, y upwards."""
+    columns = math.ceil((box[2] - box[0]) / step_um) + 1
+    rows = math.ceil((box[3] - box[1]) / step_um) + 1
+    x: FloatArray = box[0] + step_um * np.arange(columns, dtype=np.float64)
+    y: FloatArray = box[1] + step_um * np.arange(rows, dtype=np.float64)
     away = _distances(edges.segments, edges.arcs, x, y)
-    inside = _inside(edges, box, rows, columns)
+    inside = _inside(edges, box, step_um, (rows, columns))
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return DistanceGrid(values, _corners(edges, box))
+    return values
 
 
 def _corners(edges: EdgeArrays, box: Box) -> Float32Array:
@@ -226,7 +288,7 @@ def _distances(
     middles = (np.array([x[t].mean() for t in across]),
                np.array([y[t].mean() for t in down]))  # fmt: skip
     away = np.stack(list(_by_edge(lines, arcs, *middles)))
-    near = away <= away.min(axis=0) + math.sqrt(2) * _TILE * STEP_UM
+    near = away <= away.min(axis=0) + math.sqrt(2) * _TILE * (x[1] - x[0])
     for (i, rows), (j, columns) in product(enumerate(down), enumerate(across)):
         line, arc = np.split(near[:, i, j], [len(lines)])
         each = _by_edge(lines[line], arcs[arc], x[columns], y[rows])
@@ -256,8 +318,10 @@ def _by_edge(
         yield round_
 
 
-def _inside(edges: EdgeArrays, box: Box, rows: int, columns: int) -> BoolArray:
+def _inside(
+    edges: EdgeArrays, box: Box, step_um: float, shape: tuple[int, int]
+) -> BoolArray:
     """Return whether points lie inside, (rows, columns), y upwards."""
-    top_um = box[1] + (rows - 0.5) * STEP_UM
-    covered = cells(edges, box[0] - STEP_UM / 2, top_um, STEP_UM, (rows, columns))
+    top_um = box[1] + (shape[0] - 0.5) * step_um
+    covered = cells(edges, box[0] - step_um / 2, top_um, step_um, shape)
     return np.asarray(covered[::-1] > 0.5)

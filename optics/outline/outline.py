@@ -8,7 +8,7 @@ outline is the sum over its rings.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -127,6 +127,16 @@ class Outline:
     """Rings of one part: outer ones counter-clockwise, holes clockwise."""
 
     rings: tuple[Ring, ...]
+    _hash: int = field(default=0, init=False, repr=False, compare=False)
+
+    def __hash__(self) -> int:
+        """Return a hash of the edges, found once: keys of caches ask for it often."""
+        found = getattr(self, "_hash", 0)  # not in what was pickled without it
+        if found == 0:
+            # of numbers alone: the same in any process
+            found = hash(tuple(ring.edges for ring in self.rings))
+            object.__setattr__(self, "_hash", found)
+        return found
 
     @property
     def area_um2(self) -> float:

@@ -33,14 +33,17 @@ class JointFace:
     images: tuple[JointFace, ...] = ()  # of higher faces in the mirror; black
 
 
-def laid(layers: Sequence[Layer], points: Lattice) -> tuple[Float32Array, Float32Array]:
+def laid(
+    layers: Sequence[Layer], points: Lattice, finer: float
+) -> tuple[Float32Array, Float32Array]:
     """Return shares that layers of one height cover at points, and send.
 
     Two (rows, columns) arrays, 0..1. Where they overlap, one lies over the other.
+    `finer`: as in `Lattice.covered`.
     """
     covers = sends = np.zeros(points.shape, dtype=np.float32)
     for number, layer in enumerate(layers):
-        own = points.held_cells(layer)
+        own = points.covered(layer, finer)
         sent = layer.reflectance * own
         if number == 0:
             covers, sends = own, sent
@@ -102,7 +105,7 @@ class RayPlaces:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PackedFaces:
-    """Faces as `microplan.optics.layers.joint.ray_sums.ray_sums` has them."""
+    """Faces as `microplan.optics.layers.joint.ray_sums.residuals` has them."""
 
     values: Float32Array
     fields: IntArray
@@ -141,42 +144,6 @@ def _numbers(face: MetFace, first: int) -> tuple[int, ...]:
     sends_all = face.sends_all or (light.size == 1 and light.item() == 1)
     flags = int(face.is_sharp), int(sends_all), int(face.of_covered)
     return (*flags, *range(first, first + 4), len(face.fields) - 4)
-
-
-def composite(
-    faces: Sequence[MetFace], parts: Sequence[Sequence[FloatArray]]
-) -> list[FloatArray]:
-    """Return shares of full scale seen of faces over each other, (rows, columns) each.
-
-    The lowest first; parts are means of the faces' fields. Below all that is sharp, of
-    each sharp face, above.
-    """
-    nothing = np.zeros_like(parts[0][0])
-    found: list[FloatArray] = []
-    current = nothing
-    for face, (free, sends, light, *mirror) in zip(faces, parts, strict=True):
-        if face.is_sharp:
-            leaves = _mirrored_too(face, light, mirror[1:])
-            found = [*found, leaves] if found else [current, leaves]
-            current = nothing
-            continue
-        found = [each * free for each in found]
-        sent = sends if face.sends_all else sends * light
-        if mirror:
-            sent = _mirrored_too(face, sent, mirror)
-        current = (current - sent if face.of_covered else current) * free + sent
-    return [*found, current] if found else [current, nothing]
-
-
-def _mirrored_too(
-    face: MetFace, dull: FloatArray, mirrored: Sequence[FloatArray]
-) -> FloatArray:
-    """Return what a face gives back as dull, and the product of what it mirrors."""
-    if not mirrored:
-        return dull
-    return (1 - face.finish) * dull + face.finish * math.prod(
-        mirrored[1:], start=mirrored[0]
-    )
 
 
 def varies(values: Float32Array) -> bool:

@@ -107,7 +107,7 @@ def joint_light(
         points = met_lattice(lattice, lamp, z_um - light.z_um, rays)
         free = np.ones(points.shape, dtype=np.float32)
         for layer in group:
-            free *= 1 - points.held_cells(layer)
+            free *= 1 - points.covered(layer, finer)
         faces.append(
             JointFace(
                 z_um=z_um - light.z_um,

@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.layers.joint.joint_faces import (
     JointFace,
     MetFace,
     PackedFaces,
-    composite,
     varies,
 )
 from microplan.optics.layers.lattice import Lattice, blur
@@ -103,6 +102,7 @@ def joint_residual(
     rays: int,
     spin_rad: float = 0.0,
     diffracts: bool = True,
+    wanted: BoolArray | None = None,
 ) -> JointResidual | None:
     """Return the residual of blending faces, on the points of a lattice.
 
@@ -118,6 +118,8 @@ def joint_residual(
         By which their pattern is turned: what two patterns differ by is its error.
     diffracts : bool
         Whether it is seen by the lens, and averaged over pixels.
+    wanted : (rows, columns) bool array, optional
+        Points where it is, the lens' reach about them in. Default: all.
 
     Returns
     -------
@@ -132,11 +134,15 @@ def joint_residual(
     tangents = slopes(microscope, rays) @ np.array([[c, s], [-s, c]])
     soft = [_softened(face, microscope, rays) for face in faces]
     met = [MetFace.of(face, tangents, lattice) for face in soft]
-    change = _residuals(met, len(tangents), lattice)
+    change = _residuals(met, lattice, wanted)
     if diffracts:
         # as in `microplan.optics.layers.occlusion`: what meets in focus is cut off
         # before it diffracts
-        change = blur(change, lattice.step_um, microscope, "exact", 0.0)
+        uneven = change.any(axis=(1, 2))
+        if uneven.any():
+            change[uneven] = blur(
+                change[uneven], lattice.step_um, microscope, "exact", 0.0
+            )
     below, *sharp, above = change
     return JointResidual(above=above, sharp=tuple(sharp), below=below)
 
@@ -184,19 +190,17 @@ def _boxed(values: Float32Array, size: float) -> Float32Array:
     return found
 
 
-def _residuals(met: Sequence[MetFace], rays: int, lattice: Lattice) -> FloatArray:
+def _residuals(
+    met: Sequence[MetFace], lattice: Lattice, wanted: BoolArray | None
+) -> FloatArray:
     """Return fields of means less fields of their faces' means, (N, rows, columns)."""
     from microplan.optics.layers.joint import ray_sums  # loads a compiler
 
     packed = PackedFaces.of(met)
-    fields = 2 + sum(face.is_sharp for face in met)
-    sums = np.empty((fields + len(packed.fields), *lattice.shape))
-    ray_sums.ray_sums(
+    found = np.empty((2 + sum(face.is_sharp for face in met), *lattice.shape))
+    ray_sums.residuals(
         packed.values, packed.fields, packed.down, packed.right, packed.is_between,
-        packed.faces, packed.finish, sums,
+        packed.faces, packed.finish,
+        np.zeros((0, 0), dtype=np.bool_) if wanted is None else wanted, found,
     )  # fmt: skip
-    means = sums / rays
-    ends = np.cumsum([len(face.fields) for face in met])[:-1]
-    alone = [list(part) for part in np.split(means[fields:], ends)]
-    found = zip(means[:fields], composite(met, alone), strict=True)
-    return np.array([mean - field for mean, field in found])
+    return found

@@ -1,4 +1,4 @@
-"""The loop over rays of all points: sums of what they see past several faces.
+"""The loop over rays of all points: what they see past several faces in the mean.
 
 Compiled: a block of points stays in the processor's nearest memory for all its rays.
 Loops over it are long, and of whole vectors: what is left over would take longer.
@@ -12,6 +12,7 @@ from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from microplan.compiled import compiled
 
 _BLOCK = 384  # points that are summed together, of some rows
+_RUN = 48  # of them in a row where not all points are wanted
 _LANES = 8  # points of a row that are one vector
 _VECTOR = 32  # points of a block that are one step of its loops
 _BUNDLE = 16  # rays whose sum is in single precision
@@ -23,7 +24,7 @@ _IS_SHARP, _SENDS_ALL, _OF_COVERED, _FREE, _SENDS, _LIGHT, _UNLIT, _IMAGES = ran
 
 
 @compiled
-def ray_sums(
+def residuals(
     values: Float32Array,
     fields: IntArray,
     down: FloatArray,
@@ -31,9 +32,10 @@ def ray_sums(
     is_between: BoolArray,
     faces: IntArray,
     finish: Float32Array,
-    sums: FloatArray,
+    wanted: BoolArray,
+    found: FloatArray,
 ) -> None:
-    """Add up what rays from points see of faces, and meet of each field.
+    """Find what rays from points see of faces in the mean, less what means of each do.
 
     Parameters
     ----------
@@ -51,19 +53,20 @@ def ray_sums(
         sends unlit (those of images follow); how many images, -1 for no mirror.
     finish : (P,) float32 array
         Share of a mirror.
-    sums : (S + F, rows, columns) float64 array, out
-        Of what is seen: below all that is sharp, of each sharp face, above; then of
-        the fields.
+    wanted : (rows, columns) bool array
+        Points; at others that lie in no block with them it is 0. Empty: all.
+    found : (S, rows, columns) float64 array, out
+        Of what is seen: below all that is sharp, of each sharp face, above.
     """
-    seen, rays = sums.shape[0] - fields.shape[0], down.shape[1]
-    rows, columns = sums.shape[1:]
-    parts = -(-columns // _BLOCK)
+    seen, rows, columns = found.shape
+    run = _BLOCK if wanted.size == 0 else _RUN
+    parts = -(-columns // run)
     wide = -(-columns // (parts * _LANES)) * _LANES
     high = max(_BLOCK // wide, 1)
     size = -(-wide * high // _VECTOR) * _VECTOR
     met = np.zeros((fields.shape[0], size), dtype=np.float32)
     view = np.zeros((seen + 3, size), dtype=np.float32)
-    total = np.empty((sums.shape[0], size))
+    total = np.empty((seen + fields.shape[0], size))
     # what is read of the last points, and not used
     values = np.concatenate((values, np.zeros(_LANES + 1, dtype=np.float32)))
     _spread(values, fields, met)
@@ -72,16 +75,40 @@ def ray_sums(
         count = min(high, rows - top)
         for left in range(0, columns, wide):
             n = min(wide, -(-(columns - left) // _LANES) * _LANES)
+            last = min(left + n, columns)
+            if wanted.size > 0 and not wanted[top : top + count, left:last].any():
+                found[:, top : top + count, left:last] = 0.0
+                continue
             block = top, count, left, n
             _add_up(values, fields, places, faces, finish, block, met, view, total)
-            last = min(left + n, columns)
-            for s in range(sums.shape[0]):
+            _compose_means(fields, faces, finish, down.shape[1], met, view, total)
+            for s in range(seen):
                 for k in range(count):
                     for i in range(last - left):
-                        sums[s, top + k, left + i] = total[s, k * n + i]
+                        at = k * n + i
+                        found[s, top + k, left + i] = total[s, at] - view[s, at]
+
+
+@compiled
+def _compose_means(
+    fields: IntArray,
+    faces: IntArray,
+    finish: Float32Array,
+    rays: int,
+    met: Float32Array,
+    view: Float32Array,
+    total: FloatArray,
+) -> None:
+    """Make sums of a block means, and lay those of fields over each other, in place."""
+    seen, n = total.shape[0] - fields.shape[0], met.shape[1]
+    for s in range(total.shape[0]):
+        for i in range(n):
+            total[s, i] /= rays
     for f in range(fields.shape[0]):
-        if fields[f, _COLUMNS] == 0:
-            sums[seen + f, :, :] = float(rays) * values[fields[f, _FIRST]]
+        if fields[f, _COLUMNS] > 0:
+            for i in range(n):
+                met[f, i] = total[seen + f, i]
+    _compose(met, faces, finish, n, view)
 
 
 @compiled
@@ -198,8 +225,8 @@ def _compose(
 ) -> None:
     """Lay faces over each other for a block of points, the lowest first, in place.
 
-    As `microplan.optics.layers.joint.joint_faces.composite` does means. The last rows
-    of `view` are what lies above the last sharp face, what a face sends, and mirrors.
+    The last rows of `view` are what lies above the last sharp face, what a face sends,
+    and mirrors.
     """
     count, last, sent = 0, view.shape[0] - 3, view.shape[0] - 2
     _fill(view, last, n)

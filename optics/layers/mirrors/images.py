@@ -17,7 +17,7 @@ from microplan.arrays import FloatArray
 from microplan.optics.layers.joint.joint_faces import JointFace
 from microplan.optics.layers.joint.joint_occlusion import met_lattice
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.render.render import cover
+from microplan.optics.layers.wide_blur import cover_few
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
@@ -57,7 +57,7 @@ def free_of_images(
     """
     share = np.ones((window.rows, window.columns))
     for group in images:
-        found = cover(
+        found = cover_few(
             group, microscope, focus_um=focus_um, model=model, window=window,
             shift_um=shift_um, sampling=sampling,
         )  # fmt: skip
@@ -71,10 +71,11 @@ def image_faces(
     microscope: Microscope,
     focus_um: float,
     rays: int,
+    finer: float,
 ) -> tuple[JointFace, ...]:
     """Return images as black faces where rays from a lattice's points meet them.
 
-    There are so many `rays` a point.
+    There are so many `rays` a point; `finer`: as in `Lattice.covered`.
     """
     found = []
     for group in images:
@@ -82,7 +83,7 @@ def image_faces(
         points = met_lattice(lattice, microscope, z_um, rays)
         free = np.ones(points.shape, dtype=np.float32)
         for layer in group:
-            free *= 1 - points.held_cells(layer)
+            free *= 1 - points.covered(layer, finer)
         found.append(
             JointFace(
                 z_um=z_um,

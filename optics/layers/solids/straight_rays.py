@@ -66,6 +66,8 @@ class Rays:
     @property
     def apart_um(self) -> Float32Array:
         """Return how far from a point's first ray others start at most, (N,) um."""
+        if self.x_um.shape[1] == 1:  # all start there
+            return np.zeros(self.x_um.shape[0], dtype=np.float32)
         x, y = self.x_um - self.x_um[:, :1], self.y_um - self.y_um[:, :1]
         found: Float32Array = np.sqrt((x * x + y * y).max(axis=1))
         return found
@@ -115,7 +117,7 @@ def covers(body: ThickBody, rays: Rays, soft: float) -> Float32Array:
     height, and one um more.
     """
     distance = Paths.of(body, rays).at(body.top_um)
-    return _share(distance / _width(body.top_um, soft))
+    return _share(distance / _width(np.array(body.top_um), soft))
 
 
 def hides(
@@ -130,7 +132,7 @@ def hides(
 
     paths = Paths.of(body, rays)
     heights = heights_between(rays, from_um, to_um).astype(np.float32)
-    widths = np.array([_width(float(z_um), soft) for z_um in heights])
+    widths = _width(heights.astype(np.float64), soft)
     slopes = np.hypot(rays.across, rays.up)
     least = np.empty((rays.x_um.shape[0], rays.across.shape[1]), dtype=np.float32)
     away = paths.field.read(paths.u[:, 0], paths.v[:, 0]) - rays.apart_um
@@ -148,8 +150,8 @@ def heights_between(rays: Rays, from_um: float, to_um: float) -> FloatArray:
     return np.linspace(from_um, to_um, count + 1)
 
 
-def _width(z_um: float, soft: float) -> np.float32:
-    return np.float32(_LEAST_UM + soft * abs(z_um))
+def _width(z_um: FloatArray, soft: float) -> Float32Array:
+    return np.asarray(_LEAST_UM + soft * np.abs(z_um), dtype=np.float32)
 
 
 def _share(distance: Float32Array) -> Float32Array:

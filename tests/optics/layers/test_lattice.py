@@ -9,9 +9,10 @@ from scipy.interpolate import CubicSpline
 
 from microplan.optics.layers.lattice import Lattice, blur, continued
 from microplan.optics.outline.cell_areas import CHORD_UM
+from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.models import transfer
-from tests.optics.shapes import gear, microscope
+from tests.optics.shapes import gear, microscope, rectangle
 
 
 @pytest.mark.parametrize(
@@ -81,3 +82,23 @@ def test_held_cells_are_the_cells_of_any_part() -> None:
         # edge as long as its diagonal
         atol = 2**0.5 * CHORD_UM / lattice.step_um
         np.testing.assert_allclose(found, lattice.cells(layer), rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("outline", [gear(), rectangle(-900.0, -500.0, 900.0, 60.0)])
+@pytest.mark.parametrize("step_um", [0.7, 3.0])
+def test_of_few_rays_distances_say_what_cells_cover(
+    outline: Outline, step_um: float
+) -> None:
+    """A gear, and a plate that is too large for a fine grid, turned and moved."""
+    outline = place(outline, 13.7, -5.2, 0.4)
+    layer = Layer(name="body", outline=outline, z_um=0.0, reflectance=0.8)
+    lattice = Lattice.over((-300.0, -100.0, 300.0, 100.0), step_um)
+    exact, found = lattice.cells(layer), lattice.covered(layer, 0.5)
+    edge = (exact > 0) & (exact < 1)
+    off = np.abs(found - exact)
+    assert edge.sum() > 150
+    assert off.max() < 0.3  # in corners
+    assert np.quantile(off[edge], 0.9) < 0.1
+    assert abs(found.mean() - exact.mean()) < 0.002
+    every = lattice.covered(layer, 1.0)
+    np.testing.assert_array_equal(every, lattice.held_cells(layer))
