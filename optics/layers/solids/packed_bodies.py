@@ -12,7 +12,7 @@ from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.layers.solids.straight_rays import ThickBody
 from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, DistanceGrid
 
-_POOL_BYTES = 1 << 26  # of grids: those of a look's images
+_POOL_BYTES = 1 << 25  # of grids: those of a look's images
 
 
 @dataclass(slots=True)
