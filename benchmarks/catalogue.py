@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks import house
 from benchmarks.compiling import (
     cluster,
+    cores,
     earlier_commits,
     fit,
     fit_outlines,
@@ -80,6 +81,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     cluster.BENCHMARK,
     times.BENCHMARK,
     memory.BENCHMARK,
+    cores.BENCHMARK,
     compile_rival.BENCHMARK,
     stages.BENCHMARK,
     earlier_commits.BENCHMARK,
