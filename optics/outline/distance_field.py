@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import lru_cache, reduce
 from itertools import product
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -167,28 +166,22 @@ def even_distances(
     Returns
     -------
     (rows, columns) float32 array
-        um, linear between the points of a grid, whose step is larger for a large
-        outline; negative inside. Beyond `BEYOND_UM` from all edges they are that or
-        more.
+        um, linear between the points of a grid; negative inside. Beyond `BEYOND_UM`
+        from all edges they are that or more.
     """
-    (c, s), (x0, y0), own = own_frame(outline)
-    near = _near(own)
-    grid_um = STEP_UM
-    while _points(near, grid_um) > _WHOLE:
-        grid_um *= 2
-    values = _kept(own, near).values if grid_um == STEP_UM else _large(own, grid_um)
-    k, x, y = 1 / grid_um, corner_um[0] - x0, corner_um[1] - y0
-    along, aside = k * step_um * c, k * step_um * s
-    places = np.array(
-        [[along, -aside, k * (c * x + s * y - near[0])],
-         [-aside, -along, k * (c * y - s * x - near[1])]]
-    )  # fmt: skip
-    found = cv2.warpAffine(
-        values, places, shape[::-1],
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
-    return np.asarray(found, dtype=np.float32)
+    from microplan.optics.outline.even_reading import read_even  # loads a compiler
+
+    x, y = corner_um
+    rows, columns = shape
+    area = (x, y - (rows - 1) * step_um, x + (columns - 1) * step_um, y)
+    field = distance_field(outline, area)
+    found = np.full(shape, BEYOND_UM, dtype=np.float32)
+    if field is not None:
+        (c, s), (x0, y0), (left, low) = field.turn, field.origin_um, field.corner_um
+        x, y = x - x0, y - y0
+        first = (c * x + s * y - left, c * y - s * x - low)
+        read_even(field.values, STEP_UM, field.turn, first, step_um, found)
+    return found
 
 
 @lru_cache(maxsize=64)
@@ -224,12 +217,6 @@ def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
     edges = own_edges(key)
     return DistanceGrid(_values(edges, box, STEP_UM), _corners(edges, box))
-
-
-@lru_cache(maxsize=8)
-def _large(key: OwnEdges, step_um: float) -> Float32Array:
-    """Return distances all about edges, (rows, columns) um, y upwards."""
-    return _values(own_edges(key), _near(key), step_um)
 
 
 def _values(edges: EdgeArrays, box: Box, step_um: float) -> Float32Array:

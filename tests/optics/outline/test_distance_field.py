@@ -5,9 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 import shapely
 
-from microplan.optics.outline.distance_field import BEYOND_UM, STEP_UM, distance_field
+from microplan.optics.outline.distance_field import (
+    BEYOND_UM,
+    STEP_UM,
+    distance_field,
+    even_distances,
+)
 from microplan.optics.outline.outline import flatten, place
 from tests.optics.shapes import disc, gear, polygon
 
@@ -82,3 +88,23 @@ def test_a_doubled_vertex_is_no_corner() -> None:
     np.testing.assert_allclose(other.grid.corners, one.grid.corners, atol=1e-4)
     ways = one.grid.corners[2:].reshape(2, 2, 4)
     np.testing.assert_allclose(np.hypot(*np.moveaxis(ways, 1, 0)), 1, atol=1e-6)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.3])
+@pytest.mark.parametrize("length_um", [100.0, 20_000.0])
+def test_even_distances_follow_a_body_that_moves_by_any_little(
+    length_um: float, turn_rad: float
+) -> None:
+    half_um = length_um / 2
+    corners = [(-20, -half_um), (20, -half_um), (20, half_um), (-20, half_um)]
+    bar = polygon(corners)
+    moves_um = np.linspace(0.0, 0.02, 21)
+    found = [
+        even_distances(place(bar, by_um, 0.0, turn_rad), (35.0, 2.0), 0.7, (3, 3))
+        for by_um in moves_um
+    ]
+    # the edge nearest to all nine points lies across the move
+    steps = np.diff([each[1, 1] for each in found])
+    np.testing.assert_allclose(steps, -0.001 * math.cos(turn_rad), rtol=0.02)
+    true = 35.7 * math.cos(turn_rad) + 1.3 * math.sin(turn_rad) - 20.0
+    assert found[0][1, 1] == pytest.approx(true, abs=1e-4)
