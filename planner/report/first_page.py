@@ -91,7 +91,7 @@ def _step_link(plan: Plan, step: str) -> Node:
 def _chance(plan: Plan) -> str:
     """Return the probability of success, or where the plan ends."""
     if plan.is_sketch:
-        return f"a sketch; {NOT_SHOWN}, as nothing was tried"
+        return f"{NOT_SHOWN}, as nothing was tried"
     ends = ends_before(plan)
     if ends is not None:
         return f"the plan ends before {ends}, so that P(success) is not worked out"

@@ -15,7 +15,7 @@ from microplan.optics.outline.distance_field import (
     even_distances,
 )
 from microplan.optics.outline.outline import flatten, place
-from tests.optics.shapes import disc, gear, polygon
+from tests.optics.shapes import disc, gear, polygon, rectangle
 
 AREA = (-70.0, -70.0, 70.0, 70.0)
 RIM_UM = STEP_UM * math.sqrt(0.5) + 1e-3  # half a cell's diagonal, and chords
@@ -96,8 +96,7 @@ def test_even_distances_follow_a_body_that_moves_by_any_little(
     length_um: float, turn_rad: float
 ) -> None:
     half_um = length_um / 2
-    corners = [(-20, -half_um), (20, -half_um), (20, half_um), (-20, half_um)]
-    bar = polygon(corners)
+    bar = rectangle(-20.0, -half_um, 20.0, half_um)
     moves_um = np.linspace(0.0, 0.02, 21)
     found = [
         even_distances(place(bar, by_um, 0.0, turn_rad), (35.0, 2.0), 0.7, (3, 3))
