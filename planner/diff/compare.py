@@ -33,6 +33,11 @@ _ANOTHER: Mapping[str, str] = {
     "of the part",
 }
 
+# what a sketch has not, and its looks in place of it
+_TRIED = (
+    "success_probability", "success_bound", "requirements", "steps", "sketched",
+)  # fmt: skip
+
 
 def compare_plans(
     old: Plan, new: Plan, rules: Sequence[Rule] = ()
@@ -40,7 +45,8 @@ def compare_plans(
     """Return the differences in meaning, in the order of the plans.
 
     Steps, looks, features, effects and the like are matched by what they are called. A
-    plan of an older minor version is compared with the defaults of its missing keys.
+    plan of an older minor version is compared with the defaults of its missing keys;
+    of a sketch nothing that trials tell.
 
     Parameters
     ----------
@@ -50,6 +56,10 @@ def compare_plans(
         Tolerances that come before `tolerances.TABLE`.
     """
     before, after = to_data(old), to_data(new)
+    if old.is_sketch != new.is_sketch:
+        for data in (before, after):
+            for key in _TRIED:
+                del data[key]
     found = [*_moved(before, after, rules)]
     for data in (before, after):
         for place in data["features"]:  # compared as positions, above

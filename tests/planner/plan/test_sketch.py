@@ -167,6 +167,9 @@ def test_no_status_is_better_than_a_sketch(plan: Plan) -> None:
     trends = {c.path: c for c in compare_plans(golden, plan)}
     (status,) = (c for path, c in trends.items() if tuple(path) == ("status",))
     assert status.trend == ""
+    # one has what trials tell, the other has not: that is no change
+    told = {path[0] for path in trends}
+    assert told <= {"status", "provenance"}
 
 
 def test_no_confidence_is_shown_without_trials(
