@@ -57,9 +57,7 @@ def compare_plans(
     """
     before, after = to_data(old), to_data(new)
     if old.is_sketch != new.is_sketch:
-        for data in (before, after):
-            for key in _TRIED:
-                del data[key]
+        after |= {key: before[key] for key in _TRIED}
     found = [*_moved(before, after, rules)]
     for data in (before, after):
         for place in data["features"]:  # compared as positions, above
