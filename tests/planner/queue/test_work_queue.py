@@ -147,7 +147,8 @@ def test_who_waits_hears_that_no_process_can_be_started(
 
     queue = ProcessQueue(1)
     monkeypatch.setattr(SpawnProcess, "_Popen", staticmethod(refused))
-    work = [queue.submit(killed), *(queue.submit(partial(abs, n)) for n in range(9))]
+    work: list[Future[Any]] = [queue.submit(killed)]
+    work += [queue.submit(partial(abs, n)) for n in range(9)]
     for each in (work[0], work[-1]):
         with pytest.raises(QueueLostError, match="too many open files"):
             each.result(timeout=60)
