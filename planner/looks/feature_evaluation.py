@@ -43,9 +43,7 @@ def begin_features(problem: LookProblem, tried: Evaluation) -> None:
     Their tolerances may be others when their turn comes.
     """
 
-    def begin(
-        _compare: _Comparer, cases: Sequence[LookCase]
-    ) -> Iterator[RoutineComparison]:
+    def begin(_: _Comparer, cases: Sequence[LookCase]) -> Iterator[RoutineComparison]:
         for case in cases:
             problem.begun.others[case.key] = Looks()
             yield _continued(problem, case)
@@ -105,9 +103,7 @@ def _tested(
     Comparisons that have begun go on.
     """
 
-    def spread(
-        _compare: _Comparer, cases: Sequence[LookCase]
-    ) -> Iterable[RoutineComparison]:
+    def spread(_: _Comparer, cases: Sequence[LookCase]) -> Iterable[RoutineComparison]:
         return (_continued(problem, case) for case in cases)
 
     cases = [case for *_, case in candidates]

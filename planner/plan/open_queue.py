@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
+from signal import SIG_DFL, SIG_IGN, SIGINT, getsignal, signal
+from threading import current_thread, main_thread
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -17,13 +19,18 @@ import numpy as np
 from microplan.planner.queue.cluster import ClusterQueue
 from microplan.planner.queue.processes import ProcessQueue
 from microplan.planner.queue.turns import Turns
-from microplan.planner.queue.work_queue import QueueLostError, WorkQueue
+from microplan.planner.queue.work_queue import (
+    QueueLostError,
+    WorkerDiedError,
+    WorkQueue,
+)
 from microplan.planner.source.diagnostics import CallError, Report, Span
 from microplan.planner.store.memo import sources
 
 R = TypeVar("R")
 
 CLUSTER = "MP731"
+_FEWER = "fewer --jobs need less memory"
 _MOST_LOOKS = 8  # under way at a time, however many workers there are
 _ONE_THREAD = "OMP_NUM_THREADS"  # as the command sets it, and Dask for its workers
 
@@ -66,19 +73,24 @@ def opened(jobs: int, scheduler: str | None) -> Iterator[WorkQueue | None]:
     Raises
     ------
     SchedulerError
-        MP731 if the scheduler does not answer, or lacks workers of this version.
+        MP731 if the scheduler does not answer, or lacks workers of this version; if
+        processes cannot be started, or die each time at the same work.
     """
     if scheduler is None and jobs <= 1:
         yield None
         return
-    queue = ProcessQueue(jobs) if scheduler is None else cluster(scheduler)
+    queue = _processes(jobs) if scheduler is None else cluster(scheduler)
     try:
         yield queue
     except (QueueLostError, OtherVersionError) as error:
         hint = "what was done is kept; call again once it runs"
+        lost = f"lost the queue: {error}"
         raise SchedulerError(
-            scheduler or "", f"lost the queue: {error}", hint
+            scheduler or "", lost, hint if scheduler else _FEWER
         ) from None
+    except WorkerDiedError as error:
+        hint = "workers with more memory may do it" if scheduler else _FEWER
+        raise SchedulerError(scheduler or "", str(error), hint) from None
     finally:
         queue.close()
 
@@ -98,11 +110,33 @@ def turns_of(
         if isinstance(queue, _SameSources):
             _report_others(queue, scheduler or "", report)
         turns = Turns(queue, _MOST_LOOKS if scheduler else min(jobs + 1, _MOST_LOOKS))
+        on_interrupt = getsignal(SIGINT)
         try:
             yield turns
         finally:
-            queue.close()  # who waits for chunks ends
-            turns.close()
+            try:
+                _on_interrupt(SIG_IGN)  # flows end only if all is closed
+            finally:
+                try:
+                    queue.close()  # who waits for chunks ends
+                finally:
+                    turns.close()
+                    _on_interrupt(on_interrupt)
+
+
+def _on_interrupt(handler: Any) -> None:
+    """Set what Ctrl-C does, which the main thread alone can."""
+    if current_thread() is main_thread():
+        signal(SIGINT, SIG_DFL if handler is None else handler)
+
+
+def _processes(jobs: int) -> WorkQueue:
+    """Return a queue of processes, if they can be started."""
+    try:
+        return ProcessQueue(jobs)
+    except OSError as error:
+        message = f"a process cannot be started: {error}"
+        raise SchedulerError("", message, _FEWER) from error
 
 
 def cluster(address: str) -> WorkQueue:

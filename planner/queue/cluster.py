@@ -89,7 +89,7 @@ def _hand_on(handle: Future[Any], done: distributed.Future) -> None:
         if done.status == "cancelled":  # not by us
             raise QueueLostError("the scheduler forgot a chunk, or is gone")
         handle.set_result(done.result())
-    except KilledWorker as error:
-        handle.set_exception(WorkerDiedError(str(error)))
+    except KilledWorker:
+        handle.set_exception(WorkerDiedError("workers died each time at the same work"))
     except Exception as error:  # the chunk's own, whatever it is
         handle.set_exception(error)

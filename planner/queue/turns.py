@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from threading import Lock
+from threading import RLock
 from typing import Protocol, TypeVar
 
 from microplan.planner.queue.work_queue import WorkQueue
@@ -43,7 +43,7 @@ class Turns:
     """
 
     def __init__(self, queue: WorkQueue, most: int) -> None:
-        self._queue, self._turn = queue, Lock()
+        self._queue, self._turn = queue, RLock()
         self._threads = ThreadPoolExecutor(most)
         self._turn.acquire()
 
@@ -72,8 +72,12 @@ class Turns:
         return mapped
 
     def close(self) -> None:
-        """Let control flows end: the queue is closed, they wait for it in vain."""
-        self._turn.release()
+        """Let control flows end: the queue is closed, they wait for it in vain.
+
+        The thread that opened this may have no turn: Ctrl-C came while others had it.
+        """
+        with suppress(RuntimeError):
+            self._turn.release()
         self._threads.shutdown(cancel_futures=True)
 
     def _in_order(

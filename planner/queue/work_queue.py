@@ -1,14 +1,11 @@
-"""The queue of chunks that all adapters implement, and its map that keeps order."""
+"""The queue of chunks that all adapters implement."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
-from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
-A = TypeVar("A")
-B = TypeVar("B")
 R = TypeVar("R")
 
 MOST_DEATHS = 3  # of workers at one chunk, which then is taken for the cause
@@ -41,26 +38,3 @@ class WorkQueue(Protocol):
     def close(self) -> None:
         """Take back what has not begun, and let nothing run on."""
         ...
-
-
-def mapping(
-    queue: WorkQueue, priority: float = 0.0
-) -> Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]:
-    """Return a `map` whose calls are chunks of a queue; all are handed over at once."""
-
-    def mapped(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
-        work = [queue.submit(partial(function, item), priority) for item in items]
-        return _in_order(work)
-
-    return mapped
-
-
-def _in_order(work: Sequence[Future[R]]) -> Iterator[R]:
-    """Yield results in the order of their chunks; take the rest back at an end."""
-    left = list(reversed(work))  # popped: a result that was used is not kept
-    try:
-        while left:
-            yield left.pop().result()
-    finally:
-        for each in left:
-            each.cancel()

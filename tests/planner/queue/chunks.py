@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 
@@ -25,7 +26,7 @@ def own_pid(_: object) -> int:
     return os.getpid()
 
 
-def killed() -> None:
+def killed(_: object = None) -> None:
     """Kill this process."""
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -45,3 +46,8 @@ def recorded(log: Path, number: int, pause_s: float) -> int:
     with log.open("a") as stream:
         stream.write(f"{number}\n")
     return number
+
+
+def answer(asked: Connection) -> None:
+    """Send back the one thing that comes."""
+    asked.send(asked.recv())

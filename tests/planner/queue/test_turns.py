@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
 from functools import partial
+from pathlib import Path
 
 import pytest
 
+from microplan.planner.plan import open_queue
+from microplan.planner.plan.open_queue import SchedulerError, turns_of
 from microplan.planner.queue.processes import ProcessQueue
 from microplan.planner.queue.turns import Elsewhere, Turns
 from microplan.planner.queue.workers import StoppedError
-from tests.planner.queue.chunks import refuse, square
+from microplan.planner.source.diagnostics import Report
+from tests.planner.queue.chunks import killed, recorded, refuse, square
 
 Shared = tuple[ProcessQueue, Turns]
 
@@ -88,3 +94,64 @@ def test_flows_end_when_the_queue_is_closed() -> None:
         with pytest.raises((StoppedError, CancelledError)):
             each.result()
     assert threading.active_count() == before
+
+
+def test_a_map_that_is_left_takes_the_rest_back(tmp_path: Path) -> None:
+    log, queue = tmp_path / "log", ProcessQueue(1)
+    turns = Turns(queue, 1)
+    spread = turns.map(0.0, Elsewhere())
+    found = spread(partial(recorded, log, pause_s=0.05), range(50))
+    next(found)
+    del found
+    queue.submit(partial(recorded, log, 99, 0.0)).result()
+    assert len(log.read_text().split()) < 10
+    queue.close()
+    turns.close()
+
+
+def test_turns_end_though_others_have_the_turn() -> None:
+    queue = ProcessQueue(1)
+    turns = Turns(queue, 2)
+    left = turns._others()
+    left.__enter__()  # and Ctrl-C, before the turn is back
+    flow = turns.start(lambda: list(turns.map(0.0, Elsewhere())(square, [3])))
+    assert flow.result() == [9]
+    queue.close()
+    turns.close()
+
+
+def test_a_second_ctrl_c_leaves_nobody_waiting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Interrupted(ProcessQueue):
+        def close(self) -> None:
+            if self._thread.is_alive():
+                os.kill(os.getpid(), signal.SIGINT)
+            super().close()
+
+    flows: list[Future[int]] = []
+
+    def interrupted() -> None:
+        with turns_of(2, None, Report()) as turns:
+            assert turns is not None
+            flows.extend(turns.start(lambda: 1) for _ in range(9))
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(open_queue, "ProcessQueue", Interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert all(each.done() for each in flows)
+    assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_workers_that_die_at_the_same_work_are_a_finding() -> None:
+    def deadly() -> None:
+        with turns_of(2, None, Report()) as turns:
+            assert turns is not None
+            list(turns.map(0.0, Elsewhere())(killed, [1]))
+
+    with pytest.raises(SchedulerError, match="died three times") as said:
+        deadly()
+    assert said.value.code == "MP731"
+    assert said.value.hint == "fewer --jobs need less memory"

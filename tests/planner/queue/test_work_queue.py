@@ -9,16 +9,25 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, as_completed
+from concurrent.futures import CancelledError, Future, as_completed
 from functools import partial
+from multiprocessing import Pipe, Process
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Protocol
+from threading import Thread
+from typing import Any, Protocol
 
 import pytest
 
 from microplan.planner.queue.processes import ProcessQueue
-from microplan.planner.queue.work_queue import WorkerDiedError, WorkQueue, mapping
+from microplan.planner.queue.work_queue import (
+    QueueLostError,
+    WorkerDiedError,
+    WorkQueue,
+)
+from microplan.planner.queue.workers import StoppedError
 from tests.planner.queue.chunks import (
+    answer,
     die_once,
     killed,
     own_pid,
@@ -55,16 +64,17 @@ def opened(request: pytest.FixtureRequest) -> Iterator[Opened]:
 
 
 def test_results_are_those_of_map_in_order(opened: Opened) -> None:
-    spread, numbers = mapping(opened(2)), list(range(-20, 20))
-    assert list(spread(square, numbers)) == [n * n for n in numbers]
-    assert list(spread(square, [])) == []
+    queue, numbers = opened(2), range(-20, 20)
+    work = [queue.submit(partial(square, n)) for n in numbers]
+    assert [each.result() for each in work] == [n * n for n in numbers]
 
 
 def test_an_error_is_raised_where_its_result_is_wanted(opened: Opened) -> None:
-    found = mapping(opened(2))(refuse, [1, -1, 2])
-    assert next(found) == 1
+    queue = opened(2)
+    good, bad, late = (queue.submit(partial(refuse, n)) for n in (1, -1, 2))
+    assert (good.result(), late.result()) == (1, 2)
     with pytest.raises(ValueError, match="-1 is refused"):
-        next(found)
+        bad.result()
 
 
 def test_a_killed_worker_costs_no_result(opened: Opened, tmp_path: Path) -> None:
@@ -77,7 +87,7 @@ def test_a_killed_worker_costs_no_result(opened: Opened, tmp_path: Path) -> None
 
 def test_a_chunk_that_kills_every_worker_is_given_up(opened: Opened) -> None:
     queue = opened(1)
-    with pytest.raises(WorkerDiedError, match="killed"):
+    with pytest.raises(WorkerDiedError, match=r"^workers died .* at the same work$"):
         queue.submit(killed).result()
     assert queue.submit(partial(square, 3)).result() == 9
 
@@ -106,19 +116,10 @@ def test_what_is_cancelled_is_not_done(opened: Opened, tmp_path: Path) -> None:
     assert log.read_text().split() == ["0", "1", "2"]
 
 
-def test_a_map_that_is_left_takes_the_rest_back(opened: Opened, tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    queue = opened(1)
-    found = mapping(queue)(partial(recorded, log, pause_s=0.05), range(50))
-    next(found)
-    del found
-    queue.submit(partial(recorded, log, 99, 0.0)).result()
-    assert len(log.read_text().split()) < 10
-
-
 def test_nothing_runs_after_close() -> None:
     queue = ProcessQueue(2)
-    pids = set(mapping(queue)(own_pid, range(8)))
+    asked = [queue.submit(partial(own_pid, n)) for n in range(8)]
+    pids = {each.result() for each in asked}
     waiting = [queue.submit(partial(time.sleep, 0.1)) for _ in range(40)]
     queue.close()
     assert sum(each.cancelled() for each in waiting) > 30
@@ -126,3 +127,63 @@ def test_nothing_runs_after_close() -> None:
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, signal.SIG_DFL)
+
+
+def test_a_deadly_chunk_takes_no_other_with_it() -> None:
+    queue = ProcessQueue(2)
+    bad = queue.submit(killed)
+    good = [queue.submit(partial(recorded, Path(os.devnull), n, 0.2)) for n in range(3)]
+    assert [each.result() for each in good] == [0, 1, 2]
+    with pytest.raises(WorkerDiedError):
+        bad.result()
+    queue.close()
+
+
+def test_who_waits_hears_that_no_process_can_be_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(*_: object) -> None:
+        raise OSError("too many open files")
+
+    queue = ProcessQueue(1)
+    monkeypatch.setattr(SpawnProcess, "_Popen", staticmethod(refused))
+    work: list[Future[Any]] = [queue.submit(killed)]
+    work += [queue.submit(partial(abs, n)) for n in range(9)]
+    for each in (work[0], work[-1]):
+        with pytest.raises(QueueLostError, match="too many open files"):
+            each.result(timeout=60)
+    with pytest.raises(QueueLostError):
+        queue.submit(killed)
+    queue.close()
+
+
+def test_what_is_submitted_while_a_queue_closes_is_answered() -> None:
+    queue = ProcessQueue(1)
+    work: list[Future[Any]] = []
+
+    def feed() -> None:
+        while True:
+            try:
+                work.append(queue.submit(partial(square, 2)))
+            except StoppedError:
+                return
+
+    feeder = Thread(target=feed)
+    feeder.start()
+    work[:] = [queue.submit(partial(square, 1))]
+    work[0].result()
+    queue.close()
+    feeder.join()
+    assert all(each.done() for each in work)
+
+
+def test_close_ends_no_process_of_another() -> None:
+    queue = ProcessQueue(1)
+    ours, theirs = Pipe()
+    child = Process(target=answer, args=(theirs,))
+    child.start()
+    theirs.close()
+    queue.close()
+    ours.send(2)
+    assert ours.recv() == 2
+    child.join()
