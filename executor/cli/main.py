@@ -51,7 +51,13 @@ from microplan.executor.record.run_folder import (
     old_run,
 )
 from microplan.executor.run.artifacts import Artifacts
-from microplan.schemas.page.console import OutputLostError, flush, say, tell
+from microplan.schemas.page.console import (
+    OutputLostError,
+    flush,
+    is_terminal,
+    say,
+    tell,
+)
 from microplan.schemas.plan import Plan, newer_note
 
 
@@ -274,7 +280,7 @@ def _asking(options: RunOptions, plan: Plan) -> Asking:
     """Return the questions and messages that the operator gets."""
     gate = _gate() if options.stepwise else None
     # whether an operator at a terminal reads and answers
-    seated = all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
+    seated = is_terminal(sys.stdin) and is_terminal(sys.stderr)
     return Asking(
         pause=_pause if seated else None,
         question=_question if seated else None,
@@ -285,7 +291,7 @@ def _asking(options: RunOptions, plan: Plan) -> Asking:
 
 def _teller(plan: Plan) -> Callable[[str], None] | None:
     """Return the progress messages for a terminal, None without a terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    if not is_terminal(sys.stderr):
         return None
     numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
 
@@ -316,7 +322,7 @@ def _gate() -> Callable[[str], None]:
     if sys.stdin is None or sys.stdin.closed:
         raise ExecutorError("MP804", "--step needs somebody who answers")
     mode = os.fstat(sys.stdin.fileno()).st_mode
-    if not (sys.stdin.isatty() or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
+    if not (is_terminal(sys.stdin) or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
         raise ExecutorError(
             "MP804", "--step needs a terminal, or answers from a pipe, a line each"
         )
