@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from microplan.planner.source.diagnostics import NO_SWEEP, Report
+from microplan.planner.source.diagnostics import Report
 from microplan.planner.source.schema import did_you_mean
 from microplan.planner.source.source import Key, Source, Where
+
+NO_SWEEP = "MP730"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -127,7 +127,6 @@ TITLES: Mapping[str, str] = {
     "MP905": "readings of pictures are not clear",
 }
 
-NO_SWEEP = "MP730"
 IN_TURN = frozenset({"MP710"})  # ordered by what they are about, causes first
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
 # characters of a message or hint: names in files may be of any length

@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from microplan.planner.source.diagnostics import NO_SWEEP, Report
+from microplan.planner.source.changed_values import NO_SWEEP
+from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import not_written
 from microplan.planner.sweep.rows import foreign
 from microplan.planner.sweep.table import is_table

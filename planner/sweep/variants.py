@@ -10,8 +10,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from microplan.planner.source.changed_values import ChangedValue
-from microplan.planner.source.diagnostics import NO_SWEEP, CallError, Report
+from microplan.planner.source.changed_values import NO_SWEEP, ChangedValue
+from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.source.source import parse
 
 MOST_ROWS = 10_000  # a day of twenty workers at three minutes a row
