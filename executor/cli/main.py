@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import stat
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -23,11 +22,12 @@ from microplan.executor.analysis.picture_report import (
 )
 from microplan.executor.analysis.pictures import files_of, find_in, viewer
 from microplan.executor.analysis.run_summaries import measured_regions, read_runs
+from microplan.executor.cli.operator import asking_of
 from microplan.executor.cli.options import RunOptions, parse
 from microplan.executor.cli.replay import replay
 from microplan.executor.cli.run_result import Ended, result_text
 from microplan.executor.cli.select_station import Site, find_site
-from microplan.executor.cli.session import Asking, RunJob, header_of, run_whole_plan
+from microplan.executor.cli.session import RunJob, header_of, run_whole_plan
 from microplan.executor.devices.errors import (
     BUG,
     CODES,
@@ -138,7 +138,7 @@ def _on_station(options: RunOptions, file: PlanFile, stack: ExitStack) -> int:
     if options.mode == "dry-run":
         say("\n".join(plan_lines(plan)))
         return DONE
-    asking = _asking(options, plan)
+    asking = asking_of(options, plan)
     run = stack.enter_context(new_run(path, discard=options.discard))
     run.begin(options.plan_file, file.source, site.source)
     job = RunJob(options=options, file=file, site=site, artifacts=artifacts, run=run)
@@ -164,7 +164,9 @@ def _resume(options: RunOptions, file: PlanFile, run: RunFolder) -> int:
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, options.folder)
     job = RunJob(options=options, file=file, site=site, artifacts=artifacts, run=run)
-    return _report(options, file.plan, run_whole_plan(job, _asking(options, file.plan)))
+    return _report(
+        options, file.plan, run_whole_plan(job, asking_of(options, file.plan))
+    )
 
 
 def _site(options: RunOptions, plan: Plan, left: Path | None) -> Site:
@@ -268,73 +270,6 @@ def _compare(options: RunOptions, file: PlanFile) -> int:
     report = comparison_json if options.format == "json" else comparison_text
     say(report(file.plan, found))
     return FAILED if found.refuted else DONE
-
-
-def _asking(options: RunOptions, plan: Plan) -> Asking:
-    """Return the questions and messages that the operator gets."""
-    gate = _gate() if options.stepwise else None
-    # whether an operator at a terminal reads and answers
-    seated = all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
-    return Asking(
-        pause=_pause if seated else None,
-        question=_question if seated else None,
-        gate=gate,
-        progress=None if gate else _teller(plan),
-    )
-
-
-def _teller(plan: Plan) -> Callable[[str], None] | None:
-    """Return the progress messages for a terminal, None without a terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        return None
-    numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
-
-    def begun(step: str) -> None:
-        tell(f"running {step} ({numbers[step]} of {len(numbers)}) ...")
-
-    return begun
-
-
-def _question(question: str) -> bool:
-    """Return whether the operator lets something go on."""
-    tell(f"{question} y goes on, anything else stops")
-    return _answer().strip() == "y"
-
-
-def _pause() -> bool:
-    """Return whether the operator goes on after a pause."""
-    tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
-    return _answer() == "\n"  # "" is the end of the input: no operator
-
-
-def _gate() -> Callable[[str], None]:
-    """Return the gate that shows the next step and waits; MP804 without an operator.
-
-    Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
-    else comes, the end of the input too, stops.
-    """
-    if sys.stdin is None or sys.stdin.closed:
-        raise ExecutorError("MP804", "--step needs somebody who answers")
-    mode = os.fstat(sys.stdin.fileno()).st_mode
-    if not (sys.stdin.isatty() or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
-        raise ExecutorError(
-            "MP804", "--step needs a terminal, or answers from a pipe, a line each"
-        )
-
-    def wait(what: str) -> None:
-        tell(f"next: {what}\nEnter goes on, q stops")
-        if _answer() not in ("\n", "\r\n"):
-            raise ExecutorError("MP860", "stopped by the operator before this")
-
-    return wait
-
-
-def _answer() -> str:
-    """Return a line of standard input; what cannot be read says no."""
-    try:
-        return sys.stdin.readline()
-    except (OSError, ValueError):  # a terminal that is gone; bytes that are no text
-        return ""
 
 
 def _tell(error: ExecutorError, plan_file: Path) -> None:

@@ -9,10 +9,10 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from microplan.planner.source.diagnostics import CallError, Report, Span
-from microplan.schemas.page.console import say, tell
+from microplan.schemas.page.console import is_terminal, say, tell
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -33,14 +33,7 @@ _HEADLINE = re.compile(rf"^({'|'.join(_COLOURS)})(\[MP\d{{3}}\])", re.MULTILINE)
 _POINTER = re.compile(r"^( +\| +)(\^+)", re.MULTILINE)
 
 
-class Stream(Protocol):
-    """What text is printed to."""
-
-    def isatty(self) -> bool:
-        """Return whether a terminal reads it."""
-
-
-def in_colour(stream: Stream, environment: Mapping[str, str]) -> bool:
+def in_colour(stream: TextIO | None, environment: Mapping[str, str]) -> bool:
     """Return whether colour may be printed to a stream.
 
     NO_COLOR forbids it, else FORCE_COLOR allows it, unless they are empty; else a
@@ -54,7 +47,7 @@ def in_colour(stream: Stream, environment: Mapping[str, str]) -> bool:
         return False
     if environment.get("FORCE_COLOR"):
         return True
-    return environment.get("TERM") != "dumb" and stream.isatty()
+    return environment.get("TERM") != "dumb" and is_terminal(stream)
 
 
 def painted(text: str) -> str:
@@ -121,5 +114,5 @@ def tell_findings(text: str) -> None:
 
 def tell_progress(text: str) -> None:
     """Print progress, on a terminal only."""
-    if sys.stderr.isatty():
+    if is_terminal(sys.stderr):
         tell(text)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TextIO
 
-from microplan.schemas.page.console import redraw, tell
+from microplan.schemas.page.console import is_terminal, redraw, tell
 
 if TYPE_CHECKING:
     from microplan.planner.looks.progress.work import CompileProgress
@@ -24,9 +24,9 @@ USUAL = 80  # columns of what does not say how many it has
 _BAR = 10, 40  # columns of a bar, least and most
 
 
-def columns(stream: TextIO) -> int | None:
+def columns(stream: TextIO | None) -> int | None:
     """Return the width of the terminal that a stream is read by, None if it is none."""
-    if not stream.isatty():
+    if stream is None or not is_terminal(stream):
         return None
     try:
         return os.get_terminal_size(stream.fileno()).columns or USUAL
@@ -143,6 +143,8 @@ def kept_words(last: CompileProgress | None, store: Store | None) -> str:
         return "nothing is kept: --no-cache"
     if not store.folder.is_dir():
         return f"nothing is kept: {store.folder} cannot be written"
+    if not last.steps:
+        return "nothing of use is kept yet"
     return (
         f"kept: {last.steps} of {last.all_steps} steps; "
         "the same command goes on from there"

@@ -10,6 +10,8 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.source.schema import did_you_mean
 from microplan.planner.source.source import Key, Source, Where
 
+NO_SWEEP = "MP730"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChangedValue:
@@ -26,13 +28,15 @@ def changed(source: Source, changes: Sequence[ChangedValue], report: Report) -> 
     """Return a source with other values; positions stay those of the file.
 
     Keys that lack on the way are added: the file's schema decides what may be there.
-    An entry that a list lacks is MP104.
+    An entry that a list lacks is MP104, two keys for the same value are MP730.
     """
     data = source.data
+    put: list[tuple[Where, ChangedValue]] = []
     for change in changes:
         where = _position(source, data, change, report)
-        if where is not None:
+        if where is not None and _is_apart(source, where, change, put, report):
             data = _put(data, where, change.value)
+            put.append((where, change))
     return replace(source, data=data)
 
 
@@ -55,6 +59,24 @@ def _position(
         where = (*where, key)
         data = _inner(data, key)
     return where
+
+
+def _is_apart(
+    source: Source,
+    where: Where,
+    change: ChangedValue,
+    put: Sequence[tuple[Where, ChangedValue]],
+    report: Report,
+) -> bool:
+    """Return whether a position is none of the others, nor in one or around one."""
+    for there, other in put:
+        shared = min(len(there), len(where))
+        if there[:shared] == where[:shared]:
+            keys = f"{'.'.join(other.key)} and {'.'.join(change.key)}"
+            said = f"{keys} set the same value, or one a part of the other's"
+            report.error(NO_SWEEP, source.value(*where), said, "keep one of them")
+            return False
+    return True
 
 
 def _ids(entries: Sequence[Any]) -> list[Any]:

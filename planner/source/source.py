@@ -11,13 +11,14 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from yaml import events
 
-from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import Diagnostic, Report, Span
 from microplan.planner.source.files import read_bytes
 from microplan.planner.source.yaml_faults import fault_of
 
@@ -106,7 +107,20 @@ def read_source(path: Path, file: str, report: Report, at: Span) -> Source | Non
         Where the file is asked for; findings about the file as a whole go there.
     """
     text = read_text(path, file, report, at)
-    return None if text is None else parse(text, path, file, report)
+    if text is None:
+        return None
+    source, found = _parsed(text, path, file)
+    report.found += found
+    return source
+
+
+@lru_cache(maxsize=4)  # a sweep reads the same task and workcell for each row
+def _parsed(
+    text: str, path: Path, file: str
+) -> tuple[Source | None, tuple[Diagnostic, ...]]:
+    """Return what `parse` does of a file's text, which nobody changes, and finds."""
+    report = Report()
+    return parse(text, path, file, report), tuple(report.found)
 
 
 def parse(text: str, path: Path, file: str, report: Report) -> Source | None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,16 @@ from microplan.planner.plan.compiler import compile_task
 from microplan.planner.plan.open_queue import own_kind
 from microplan.planner.plan.options import Options
 from microplan.planner.source.diagnostics import Diagnostic, Report
-from microplan.planner.store.folder import not_written
+from microplan.planner.store.folder import OutputError, not_written
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.store import Store
 from microplan.planner.task.task import Task
+from microplan.schemas.codec import CodecError, from_data
 from microplan.schemas.plan import Plan, dump_plan
 
 FORMAT_VERSION = 1
+_BEGIN = b'{"format_version": 1, "key": "'
+_HEAD = re.compile(rb'\{"format_version": \d+, "key": "')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +78,12 @@ def refused(report: Report) -> SweepRow:
     return row_of(None, report, 0.0)
 
 
+def broken(error: Exception) -> SweepRow:
+    """Return the row of a variant whose compile ended with an error of its own."""
+    reason = f"{type(error).__name__}: {error}"
+    return replace(row_of(None, Report(), 0.0), reason=reason)
+
+
 def _said(finding: Diagnostic) -> str:
     return f"{finding.code} {finding.message}"
 
@@ -89,37 +99,50 @@ class RowFile:
     """
 
     def __init__(self, file: Path) -> None:
+        """Read a file, if there is one; MP701 if it is another program's."""
         self._file = file
         self.rows: dict[str, SweepRow] = dict(_read(file))
 
     def add(self, key: str, values: Mapping[str, Any], row: SweepRow) -> None:
         """Keep a row; MP702 if it cannot be written."""
         head = {"format_version": FORMAT_VERSION, "key": key, "set": values}
-        line = json.dumps({**head, **asdict(row)}, ensure_ascii=False).encode()
+        line = json.dumps({**head, **asdict(row)}, ensure_ascii=False) + "\n"
+        data = line.encode("utf-8", "backslashreplace")
         try:
             with self._file.open("a+b") as stream:
                 size = stream.seek(0, 2)
                 stream.seek(max(size - 1, 0))
                 cut = stream.read(1) not in (b"", b"\n")
-                stream.write((b"\n" if cut else b"") + line + b"\n")
+                stream.write((b"\n" if cut else b"") + data)
         except OSError as error:
             raise not_written(self._file, error) from error
         self.rows[key] = row
 
 
 def _read(file: Path) -> Iterator[tuple[str, SweepRow]]:
-    """Yield the whole rows of a file by their keys, none if there is no file."""
+    """Yield the whole rows of a file by their keys, none if there is no file.
+
+    MP701 for a file in which no line begins as a row, not even one that was cut off.
+    """
     try:
         lines = file.read_bytes().splitlines()
     except FileNotFoundError:
         return
     except OSError as error:
         raise not_written(file, error) from error
-    names = [field.name for field in fields(SweepRow)]
+    lines = [line for line in lines if line]
+    if lines and not any(map(_HEAD.match, lines)) and not _BEGIN.startswith(lines[-1]):
+        raise foreign(file)
     for line in lines:
         try:
             data = json.loads(line)
             if data["format_version"] == FORMAT_VERSION:
-                yield data["key"], SweepRow(**{name: data[name] for name in names})
-        except (ValueError, KeyError, TypeError):
+                yield from_data(str, data["key"]), from_data(SweepRow, data)
+        except (ValueError, KeyError, TypeError, CodecError, RecursionError):
             continue
+
+
+def foreign(file: Path) -> OutputError:
+    """Return MP701 for a file that a sweep would write, and that is no sweep's."""
+    said = f"{file} is of no sweep of microplan; it is left untouched"
+    return OutputError("MP701", said, file)

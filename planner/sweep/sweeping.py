@@ -11,16 +11,24 @@ from functools import partial
 from os.path import relpath
 from pathlib import Path
 
-from microplan.planner.plan.open_queue import opened, own_kind
-from microplan.planner.queue.work_queue import WorkQueue
+from microplan.planner.plan.open_queue import OtherVersionError, opened, own_kind
+from microplan.planner.queue.work_queue import QueueLostError, WorkQueue
+from microplan.planner.queue.workers import StoppedError
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import digest
 from microplan.planner.store.store import Store
-from microplan.planner.sweep.rows import RowFile, SweepRow, compile_row, refused
+from microplan.planner.sweep.checks import check_table, check_values
+from microplan.planner.sweep.rows import (
+    RowFile,
+    SweepRow,
+    broken,
+    compile_row,
+    refused,
+)
 from microplan.planner.sweep.table import SweepLines, csv_text
 from microplan.planner.sweep.variants import (
-    Setting,
+    SweepError,
     Variant,
     changes,
     settings,
@@ -56,23 +64,28 @@ class _Sweep:
     lines: SweepLines
     kept: RowFile
     found: dict[int, tuple[Variant, SweepRow]] = field(default_factory=dict)
+    unkept: set[int] = field(default_factory=set)  # rows to be made again next time
+    _inputs: tuple[tuple[str, str], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        folder = Path(self.task).parent
+        files = sorted((relpath(k, folder), v) for k, v in self.files.items())
+        self._inputs = tuple(files)
 
     def key(self, variant: Variant) -> str:
         """Return the key of a row: another one for other inputs, options, sources."""
-        folder = Path(self.task).parent
-        files = sorted((relpath(k, folder), v) for k, v in self.files.items())
-        values = json.dumps(dict(variant.values))
-        return digest("sweep", tuple(files), values)
+        return digest("sweep", self._inputs, json.dumps(dict(variant.values)))
 
-    def take(self, variant: Variant, row: SweepRow) -> None:
-        """Show a row that is known."""
-        self.found[variant.row] = (variant, row)
+    def show(self, variant: Variant, row: SweepRow) -> None:
+        """Show a row."""
         self.call.show(self.lines.line(variant, row))
 
-    def keep(self, variant: Variant, row: SweepRow) -> None:
+    def take(self, variant: Variant, row: SweepRow) -> None:
         """Keep a row that was made, and show it."""
-        self.kept.add(self.key(variant), dict(variant.values), row)
-        self.take(variant, row)
+        if variant.row not in self.unkept:
+            self.kept.add(self.key(variant), dict(variant.values), row)
+        self.found[variant.row] = (variant, row)
+        self.show(variant, row)
 
 
 def write_sweep(task: str, call: SweepCall, report: Report) -> str:
@@ -83,14 +96,16 @@ def write_sweep(task: str, call: SweepCall, report: Report) -> str:
     Raises
     ------
     CallError
-        MP730 for settings that cannot be, MP731 for a scheduler, MP702 for the folder.
+        MP730 for settings that cannot be and for files that change meanwhile, MP731 for
+        a scheduler, MP701 and MP702 for the folder.
     """
     asked = settings(call.settings)
-    name = _checked(task, asked, report)
+    name = check_values(task, asked, report)
     if report.failed:
         return ""
     folder = call.out or Path(task).parent / f"{name}.sweep"
     write_files(folder, {})  # before minutes are spent
+    check_table(folder / TABLE)
     todo = variants(asked)
     sweep = _Sweep(
         task=task,
@@ -103,51 +118,28 @@ def write_sweep(task: str, call: SweepCall, report: Report) -> str:
     try:
         _run(sweep, todo)
     finally:
-        table = csv_text(sweep.found, own_kind().cpu)
-        write_files(folder, {TABLE: table.encode()})
+        if sweep.found:
+            table = csv_text(sweep.found, own_kind().cpu)
+            data = table.encode("utf-8", "backslashreplace")
+            write_files(folder, {TABLE: data})
     return _summary(sweep)
-
-
-def _checked(file: str, asked: Sequence[Setting], report: Report) -> str:
-    """Return the task's name; each value is reported that the task refuses."""
-    task = load_task(file, report)
-    if task is None:
-        return ""
-    todo = variants(asked)
-    for setting in asked:
-        for value in setting.values:
-            alone = Variant(row=0, values={setting.key: value})
-            row = next(v.row for v in todo if v.values[setting.key] == value)
-            _check_value(file, alone, row, report)
-    return task.name
-
-
-def _check_value(task: str, alone: Variant, row: int, report: Report) -> None:
-    """Report what reading the task finds with one value changed."""
-    found = Report()
-    load_task(task, found, changes(alone))
-    report.files.update(found.files)
-    for each in found.in_order:
-        if each.severity == "error":
-            message = f"row {row}, {alone.said}: {each.message}"
-            report.error(each.code, each.where, message, each.hint)
 
 
 def _run(sweep: _Sweep, todo: Sequence[Variant]) -> None:
     """Show the rows that are kept, make those that lack, and show them."""
     kept = sweep.kept.rows
-    known = {v.row: kept[k] for v in todo if (k := sweep.key(v)) in kept}
-    lacking = [variant for variant in todo if variant.row not in known]
+    known = ((v, kept[k]) for v in todo if (k := sweep.key(v)) in kept)
+    sweep.found.update((variant.row, (variant, row)) for variant, row in known)
+    lacking = [variant for variant in todo if variant.row not in sweep.found]
     call = sweep.call
     scheduler = call.scheduler if lacking else None  # nobody is asked for nothing
     with opened(min(call.jobs, max(len(lacking), 1)), scheduler) as queue:
         call.show(sweep.lines.head)  # once it is known that there are workers
-        for variant in todo:
-            if variant.row in known:
-                sweep.take(variant, known[variant.row])
+        for variant, row in sweep.found.values():
+            sweep.show(variant, row)
         started = time.monotonic()
         for done, (variant, row) in enumerate(_made(sweep, lacking, queue), 1):
-            sweep.keep(variant, row)
+            sweep.take(variant, row)
             left_s = (time.monotonic() - started) / done * (len(lacking) - done)
             call.progress(f"{done} of {len(lacking)} rows, {_duration(left_s)} left")
 
@@ -158,7 +150,7 @@ def _made(
     """Yield rows as they come."""
     if queue is None:
         for variant in todo:
-            yield variant, _chunk(sweep, variant)()
+            yield variant, _result(sweep, variant, _chunk(sweep, variant))
         return
     rest, waiting = list(reversed(todo)), dict[Future[SweepRow], Variant]()
     while rest or waiting:
@@ -170,13 +162,36 @@ def _made(
         pause_s = 0.0 if may_add else None  # reading the next variants goes on
         done, _ = wait(waiting, pause_s, return_when=FIRST_COMPLETED)
         for handle in sorted(done, key=lambda each: waiting[each].row):
-            yield waiting.pop(handle), handle.result()
+            variant = waiting.pop(handle)
+            yield variant, _result(sweep, variant, handle.result)
+
+
+def _result(
+    sweep: _Sweep, variant: Variant, result: Callable[[], SweepRow]
+) -> SweepRow:
+    """Return the row that a chunk comes to; one that an error ended is not kept."""
+    try:
+        return result()
+    except (QueueLostError, OtherVersionError, StoppedError):
+        raise  # no row's own
+    except Exception as error:  # noqa: BLE001 - the other rows can be made
+        sweep.unkept.add(variant.row)
+        return broken(error)
 
 
 def _chunk(sweep: _Sweep, variant: Variant) -> Callable[[], SweepRow]:
-    """Return what makes a row; values that are refused together need no worker."""
+    """Return what makes a row; values that are refused together need no worker.
+
+    SweepError if a file is no longer what the keys of rows say.
+    """
     report = Report()
     task = load_task(sweep.task, report, changes(variant))
+    for file in sorted(report.sought):
+        known = sweep.files.get(file)
+        if known is None:  # no value alone asks for it: the key does not tell of it
+            sweep.unkept.add(variant.row)
+        elif known != report.files.get(file):
+            raise SweepError(f"{file} changed while it was swept", "call again")
     if task is None:
         return partial(refused, report)
     return partial(compile_row, task, sweep.call.store)

@@ -14,7 +14,7 @@ _MOST_WIDE = 40  # characters of a value or a reason on the terminal
 
 
 class SweepLines:
-    """SweepLines of text whose columns are known before the rows are."""
+    """Lines of text whose columns are known before the rows are."""
 
     def __init__(self, settings: Sequence[Setting], count: int) -> None:
         texts = [[s.key, *map(_cell, s.values)] for s in settings]
@@ -49,8 +49,17 @@ class SweepLines:
         return "  ".join([*cells, last])
 
 
-def csv_text(found: Mapping[int, tuple[Variant, SweepRow]], others: str) -> str:
-    """Return all rows in their order; `other_cpu` where it is not `others`."""
+def is_table(begin: str) -> bool:
+    """Return whether a file that begins with a text may be a table of a sweep."""
+    try:
+        head = next(csv.reader(io.StringIO(begin)), None)
+    except csv.Error:
+        return False
+    return head is None or [*head[:1], *head[-1:]] == ["row", "other_cpu"]
+
+
+def csv_text(found: Mapping[int, tuple[Variant, SweepRow]], own_cpu: str) -> str:
+    """Return all rows in their order; `other_cpu`: made by another than `own_cpu`."""
     stream = io.StringIO()
     names = [field.name for field in fields(SweepRow)]
     keys = next((list(v.values) for v, _ in found.values()), [])
@@ -60,7 +69,7 @@ def csv_text(found: Mapping[int, tuple[Variant, SweepRow]], others: str) -> str:
         variant, row = found[number]
         values = [written(value) for value in variant.values.values()]
         cells = ["" if each is None else each for each in asdict(row).values()]
-        other = "yes" if row.cpu != others else "no"
+        other = "yes" if row.cpu != own_cpu else "no"
         writer.writerow([number, *values, *cells, other])
     return stream.getvalue()
 

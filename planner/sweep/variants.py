@@ -10,12 +10,11 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from microplan.planner.source.changed_values import ChangedValue
+from microplan.planner.source.changed_values import NO_SWEEP, ChangedValue
 from microplan.planner.source.diagnostics import CallError, Report
 from microplan.planner.source.source import parse
 
 MOST_ROWS = 10_000  # a day of twenty workers at three minutes a row
-_CALL = "MP730"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +42,7 @@ class SweepError(CallError):
     """A sweep that cannot be made as it is asked for."""
 
     def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(_CALL, message, "", hint)
+        super().__init__(NO_SWEEP, message, "", hint)
 
 
 def settings(asked: Sequence[tuple[str, str]]) -> tuple[Setting, ...]:

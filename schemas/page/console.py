@@ -69,6 +69,14 @@ def say(text: str) -> None:
         raise OutputLostError(f"standard output: {error.strerror or error}")
 
 
+def is_terminal(stream: TextIO | None) -> bool:
+    """Return whether a terminal reads a standard stream, which may be closed."""
+    try:
+        return stream is not None and stream.isatty()
+    except (OSError, ValueError):  # closed since, or its descriptor is
+        return False
+
+
 def one_line(text: str) -> str:
     """Return text in which line ends are spelled out: a name cannot begin a line."""
     return _LINE_END.sub(_spelled, text)
@@ -102,7 +110,7 @@ def _print(
 
     Names in files may hold what a terminal obeys, or what its encoding does not have.
     """
-    if stream is None:  # closed before the process began
+    if stream is None or stream.closed:  # None: before the process began
         return None
     text = _CONTROL.sub(_spelled, text)
     encoding = stream.encoding or "utf-8"

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from microplan.executor.cli.main import _answer, _asking, _teller
+from microplan.executor.cli.operator import answer, asking_of, teller
 from microplan.executor.cli.options import parse
 from microplan.executor.record.outcome import injected
 from microplan.executor.simulated.faults import Faults
@@ -46,10 +46,10 @@ def test_a_terminal_alone_is_told_which_step_begins(
 ) -> None:
     plan = plan_of([step(name, MoveAction(), moves=(stage_to(),)) for name in "ab"])
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    assert _teller(plan) is None
+    assert teller(plan) is None
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
-    told = _teller(plan)
+    told = teller(plan)
     assert told is not None
     told("b")
     assert shown.getvalue() == "running b (2 of 2) ...\n"
@@ -61,22 +61,22 @@ def test_nobody_is_asked_where_standard_streams_are_closed(
     monkeypatch.setattr(sys, "stdin", Terminal())
     monkeypatch.setattr(sys, "stderr", Terminal())
     call, plan = parse(["p", "--station", "sim"]), plan_of([])
-    asking = _asking(call, plan)
-    assert asking.pause is not None
-    assert asking.question is not None
+    asked = asking_of(call, plan)
+    assert asked.pause is not None
+    assert asked.question is not None
     for stream in ("stdin", "stderr"):
         with monkeypatch.context() as closed:
             closed.setattr(sys, stream, None)  # as the interpreter has it then
-            asking = _asking(call, plan)
-            assert asking.pause is None
-            assert asking.question is None
+            asked = asking_of(call, plan)
+            assert asked.pause is None
+            assert asked.question is None
 
 
 def test_an_answer_that_is_no_text_says_no(monkeypatch: pytest.MonkeyPatch) -> None:
-    for source, answer in ((b"\n", "\n"), (b"\xff\n", ""), (b"", "")):
+    for source, line in ((b"\n", "\n"), (b"\xff\n", ""), (b"", "")):
         stream = io.TextIOWrapper(io.BytesIO(source), encoding="utf-8")
         monkeypatch.setattr(sys, "stdin", stream)
-        assert _answer() == answer
+        assert answer() == line
 
 
 def test_what_lasts_the_whole_run_has_no_step() -> None:

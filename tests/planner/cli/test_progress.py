@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -163,4 +164,6 @@ def test_what_is_kept_is_what_is_on_the_disk(tmp_path: Path) -> None:
     assert kept_words(reached(1), Store(tmp_path)).startswith("kept: 1 of 3 steps")
     assert "cannot be written" in kept_words(reached(1), Store(tmp_path / "none"))
     assert "--no-cache" in kept_words(reached(1), None)
+    none = replace(reached(1), steps=0)
+    assert kept_words(none, Store(tmp_path)) == "nothing of use is kept yet"
     assert kept_words(None, None) == "nothing was computed yet"

@@ -137,6 +137,6 @@ def test_ctrl_c_leaves_no_process_no_folder_and_no_traceback(
         assert process.stdout.read() == b""
     said = heard.decode()
     assert "Traceback" not in said
-    kept = "nothing is kept: --no-cache" if more else "kept: 0 of 2 steps"
+    kept = "nothing is kept: --no-cache" if more else "nothing of use is kept yet"
     assert f"stopped; {kept}" in said.splitlines()[-1]
     assert not list(tmp_path.glob("*new*"))

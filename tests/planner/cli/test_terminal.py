@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import re
@@ -13,18 +14,28 @@ from typing import get_args
 
 import pytest
 
-from microplan.planner.cli.answering import in_colour, painted
+from microplan.planner.cli.answering import (
+    in_colour,
+    painted,
+    tell_findings,
+    tell_progress,
+)
+from microplan.planner.cli.progress import Progress, columns
 from microplan.planner.source.diagnostics import Diagnostic, Severity, Span, render_text
+from microplan.schemas.page.console import is_terminal
 from tests.planner.examples import ROOT
+from tests.planner.sweep.no_looks import no_looks, readings
 
 CODES = re.compile(r"\x1b\[[0-9;]*m")
+CACHE = ("--cache", str(readings()))
 NAMES = ("NO_COLOR", "FORCE_COLOR", "TERM", "PYTHON_COLORS")
 
 
-class Screen:
+class Screen(io.StringIO):
     """Says whether it is a terminal."""
 
     def __init__(self, *, terminal: bool) -> None:
+        super().__init__()
         self.terminal = terminal
 
     def isatty(self) -> bool:
@@ -101,3 +112,37 @@ def test_a_terminal_shows_findings_in_colour_and_names_harmlessly(
     assert "\x1b[1;31merror[MP" in shown
     assert "\\u001b[31m" in shown  # the file's own code is told, not obeyed
     assert on_a_terminal(tmp_path, TERM="dumb") == plain
+
+
+def test_what_is_closed_is_no_terminal_and_takes_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    closed = Screen(terminal=True)
+    closed.close()
+    broken = io.StringIO()
+    broken.close()  # its isatty raises ValueError
+    for stream in (None, broken, closed):
+        monkeypatch.setattr(sys, "stderr", stream)
+        tell_findings("x")
+        tell_progress("x")
+        Progress().clear()
+    assert not is_terminal(None)
+    assert not is_terminal(broken)
+    assert columns(None) is None
+    assert columns(broken) is None
+    assert is_terminal(Screen(terminal=True))
+
+
+@pytest.mark.parametrize("words", [("check",), ("sweep", "--set", "seed=1")])
+def test_a_command_works_with_standard_error_closed(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
+    task = no_looks(tmp_path / "task")
+    more = ["-o", str(tmp_path / "out"), *CACHE] if words[0] == "sweep" else []
+    call = [sys.executable, "-m", "microplan.planner.cli.main", *words, str(task)]
+    done = subprocess.run(
+        ["sh", "-c", 'exec "$@" 2>&-', "sh", *call, *more],
+        cwd=ROOT, stdout=subprocess.PIPE, check=False,
+    )  # fmt: skip
+    assert done.returncode in (0, 1)
+    assert done.stdout

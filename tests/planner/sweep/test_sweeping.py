@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 from microplan.planner.cli.main import main
+from microplan.planner.source.changed_values import ChangedValue
 from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.source import Source, parse
 from microplan.planner.store.store import Store
 from microplan.planner.sweep.sweeping import ROWS, SweepCall, write_sweep
+from microplan.planner.task.read_task import load_task
 from tests.planner.examples import change
 from tests.planner.sweep.no_looks import SETTINGS, no_looks, readings, swept
 
@@ -81,6 +84,7 @@ def test_other_inputs_are_made_anew(tmp_path: Path) -> None:
         ("workcell.camera.bits=8,99", "MP103", "row 2, workcell.camera.bits=99"),
         ("workcell=none.yaml", "MP001", "row 1, workcell=none.yaml: cannot read"),
         ("seed=[", "MP730", "not valid YAML"),
+        ("environment={humidity: .2}", "MP730", "set the same value, or one a part"),
     ],
 )
 def test_values_that_cannot_be_are_found_before_a_row_is_made(
@@ -97,6 +101,53 @@ def test_values_that_cannot_be_are_found_before_a_row_is_made(
     assert [each["code"] for each in found if each["severity"] == "error"] == [code]
     assert said in found[0]["message"]
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("keys", "apart"),
+    [
+        (("steps.0.opening_um", "steps.grasp.opening_um"), False),
+        (("steps.grasp.opening_um", "steps.grasp"), False),
+        (("workcell.camera", "workcell.camera.bits"), False),
+        (("steps.0.opening_um", "steps.release.opening_um"), True),
+        (("environment.humidity", "environment.roughness_nm"), True),
+    ],
+)
+def test_no_value_is_set_under_two_names(
+    keys: tuple[str, str], apart: bool, tmp_path: Path
+) -> None:
+    task, report = no_looks(tmp_path / "task"), Report()
+    found = [
+        ChangedValue(key=tuple(key.split(".")), value=100 - n)
+        for n, key in enumerate(keys)
+    ]
+    load_task(task, report, found)
+    assert apart == ("MP730" not in {each.code for each in report.found})
+
+
+def test_a_value_that_cannot_be_is_told_by_its_first_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    task = no_looks(tmp_path / "task")
+    words = ["--set", "environment.humidity=.1,x", "--set", "seed=1,2,y"]
+    assert main(["sweep", str(task), *words]) == 2
+    said = capsys.readouterr().err
+    assert "row 4, environment.humidity=x:" in said  # .1: 1 to 3
+    assert "row 3, seed=y:" in said
+
+
+def test_a_file_is_parsed_once_for_all_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task, parsed = no_looks(tmp_path / "task"), list[str]()
+
+    def counted(text: str, path: Path, file: str, report: Report) -> Source | None:
+        parsed.append(path.name)
+        return parse(text, path, file, report)
+
+    monkeypatch.setattr("microplan.planner.source.source.parse", counted)
+    swept(task, tmp_path / "out")
+    assert sorted(parsed) == ["task.yaml", "workcell.yaml"]
 
 
 def test_a_combination_that_cannot_be_is_a_row(tmp_path: Path) -> None:
