@@ -222,7 +222,10 @@ class _Judge:
     def ready(self, *, expensive: bool = True) -> PreparedRoutines:
         """Return routines prepared once, and the chains worth trying."""
         make = partial(make_ready, expensive=expensive, known=self.known.artifacts)
-        found = _mapped(self.map, make, self.case)
+        is_known = self.known.artifacts.keys() >= set(
+            _names(self.case, expensive=expensive)
+        )
+        found = make(self.case) if is_known else _mapped(self.map, make, self.case)
         self.known.artifacts.update(found.artifacts)
         return found
 
@@ -298,9 +301,7 @@ def make_ready(
     known : mapping of str to Artifact or Failure, optional
         Routines that are prepared already.
     """
-    names = [
-        name for name in routines(case.target) if expensive or not load(name).expensive
-    ]
+    names = _names(case, expensive=expensive)
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])
     ready |= fresh.artifacts
@@ -308,6 +309,13 @@ def make_ready(
     if not found:  # nothing could be prepared: the trials say of each why
         found = chains(case.target, costs=dict.fromkeys(names, 1.0))
     return PreparedRoutines(chains=found, artifacts=ready)
+
+
+def _names(case: LookCase, *, expensive: bool) -> list[str]:
+    """Return the routines that may find a target."""
+    return [
+        name for name in routines(case.target) if expensive or not load(name).expensive
+    ]
 
 
 def _costs(
