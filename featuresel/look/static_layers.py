@@ -130,7 +130,7 @@ def fresh(case: LookCase, layers: Sequence[Layer]) -> Backdrop:
             lamp_aperture=case.lamp_aperture,
             focus_um=(case.focus_um,),
             window=case.window,
-            planes=case.sampling.planes,
+            few_points=case.sampling.few_points,
         )
     return Backdrop(found, under)
 

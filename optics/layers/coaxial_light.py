@@ -105,7 +105,7 @@ def irradiances(
     focus_um: Sequence[float],
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
-    planes: bool = False,
+    few_points: bool = False,
 ) -> tuple[Irradiance, ...]:
     """Return the relative irradiance at each height below the layers.
 
@@ -123,7 +123,7 @@ def irradiances(
         Their part of the frame. Default: all.
     shift_um : (x, y)
         Their displacement.
-    planes : bool
+    few_points : bool
         As in `microplan.optics.render.sampling.Sampling`.
 
     Returns
@@ -138,7 +138,6 @@ def irradiances(
         If the aperture is not in (0, n) or no focus is given.
     """
     lamp = replace(microscope, aperture=lamp_aperture, wavefront=(), halo=None)
-    sampling = replace(_COARSE, planes=planes)
     frame = window or full(microscope)
     found = []
     for z_um in sorted(set(heights_um)):
@@ -151,7 +150,7 @@ def irradiances(
         shades = (
             _shade(
                 [a for a in layers if a.z_um == top],
-                lamp, z_um, area, finest, sampling,
+                lamp, z_um, area, finest, few_points=few_points,
             )
             for top in above
         )  # fmt: skip
@@ -210,7 +209,8 @@ def _shade(
     z_um: float,
     area: Area,
     finest_um: float,
-    sampling: Sampling,
+    *,
+    few_points: bool,
 ) -> LayerShade | None:
     """Return what layers of one height keep from a face below, None if nothing."""
     height_um = layers[0].z_um - z_um
@@ -221,7 +221,7 @@ def _shade(
         return _hard(layers, lattice)
     rest = max(_AIRY * radius, _AIRY_FINE * finest_um)
     airy = min(lamp.wavelength_um / lamp.aperture, rest)
-    if sampling.planes:  # alike in images of nearly the same focus
+    if few_points:  # alike in images of nearly the same focus
         airy = 2.0 ** (math.floor(_OCTAVE * math.log2(airy)) / _OCTAVE)
     point = replace(
         lamp,
@@ -232,11 +232,11 @@ def _shade(
         height_px=1,
         fill_factor=1.0 if step < 2 * finest_um else _POINT,
     )
-    if sampling.planes:
+    if few_points:
         kept = _blurred(layers, lattice, point, height_um)
     else:
         found = cover(
-            layers, point, focus_um=z_um, window=lattice.window, sampling=sampling
+            layers, point, focus_um=z_um, window=lattice.window, sampling=_COARSE
         )
         kept = np.sum([c.coverage for c in found], axis=0)
     if not kept.any():

@@ -76,7 +76,7 @@ class ShadedView:
     # as in `microplan.optics.render.sampling.Sampling`
     rays: float = 1.0
     walls: float | None = None
-    planes: bool = False
+    few_points: bool = False
 
     def face(self, light: Irradiance, changes: Sequence[LightChange]) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""

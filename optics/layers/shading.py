@@ -145,7 +145,7 @@ def _image(
         shift_um=shift_um,
         rays=sampling.rays,
         walls=sampling.walls,
-        planes=sampling.planes,
+        few_points=sampling.few_points,
     )
     everything = (*part.also, *fresh)
     faces: dict[float, ShadedFace] = {}
@@ -192,7 +192,7 @@ def _shaded(
         focus_um=(view.focus_um,),
         window=view.frame,
         shift_um=view.shift_um,
-        planes=view.planes,
+        few_points=view.few_points,
     )
     if under is not None:
         found = _joined(found, under)

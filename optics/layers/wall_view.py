@@ -203,8 +203,7 @@ def _cut(
         sections = [replace(layer, z_um=view.focus_um) for layer in through]
         found = cover(
             sections, m, focus_um=view.focus_um, model=view.model,
-            window=view.frame, shift_um=view.shift_um,
-            sampling=replace(_USUAL, planes=view.planes),
+            window=view.frame, shift_um=view.shift_um, sampling=_USUAL,
         )  # fmt: skip
         whole = np.sum([each.coverage for each in found], axis=0)
     return np.asarray(np.clip(whole, 0.0, free))

@@ -9,7 +9,7 @@ import numpy as np
 from microplan.optics.layers.coaxial_light import area_um, pixel_axes_um
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.render.render import Covered, cover
-from microplan.optics.render.sampling import BAND_ERROR, Sampling
+from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
@@ -30,17 +30,15 @@ def cover_few(
 ) -> tuple[Covered, ...]:
     """Return layers blurred as `microplan.optics.render.render.cover` does.
 
-    Where the sampling has `planes`, and no finer band than usual, those that are
-    blurred widely come from fewer points, on which distances from edges say what they
-    cover.
+    Where the sampling allows `few_points`, those that are blurred widely come from
+    such, on which distances from edges say what they cover.
     """
     frame = window or full(microscope)
     found: list[Covered] = []
-    few = sampling.planes and sampling.band_error >= BAND_ERROR
     for layer in layers:
         away_um = layer.z_um - focus_um
         step = microscope.blur_diameter_um(away_um) / 2 / _A_BLUR
-        if not few or step < _APART_PX * microscope.um_per_px:
+        if not sampling.few_points or step < _APART_PX * microscope.um_per_px:
             found += cover(
                 [layer], microscope, focus_um=focus_um, model=model, window=frame,
                 shift_um=shift_um, sampling=sampling,

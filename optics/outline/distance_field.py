@@ -191,11 +191,6 @@ def _near(key: OwnEdges) -> Box:
     return left - BEYOND_UM, low - BEYOND_UM, right + BEYOND_UM, high + BEYOND_UM
 
 
-def _points(box: Box, step_um: float) -> float:
-    """Return how many points a box has."""
-    return (box[2] - box[0]) * (box[3] - box[1]) / step_um**2
-
-
 def _wanted(near: Box, box: Box) -> Box | None:
     """Return the box of a grid: all about edges, or what a wanted box has of it.
 
@@ -209,27 +204,23 @@ def _wanted(near: Box, box: Box) -> Box | None:
            min(even[2], near[2]), min(even[3], near[3]))  # fmt: skip
     if met[0] >= met[2] or met[1] >= met[3]:
         return None
-    return near if _points(near, STEP_UM) <= _WHOLE else met
+    points = (near[2] - near[0]) * (near[3] - near[1]) / STEP_UM**2
+    return near if points <= _WHOLE else met
 
 
 @lru_cache(maxsize=16)
 def _kept(key: OwnEdges, box: Box) -> DistanceGrid:
     """Return the grid, from the rounded edges alone."""
     edges = own_edges(key)
-    return DistanceGrid(_values(edges, box, STEP_UM), _corners(edges, box))
-
-
-def _values(edges: EdgeArrays, box: Box, step_um: float) -> Float32Array:
-    """Return distances at the points of a box, (rows, columns) um, y upwards."""
-    columns = math.ceil((box[2] - box[0]) / step_um) + 1
-    rows = math.ceil((box[3] - box[1]) / step_um) + 1
-    x: FloatArray = box[0] + step_um * np.arange(columns, dtype=np.float64)
-    y: FloatArray = box[1] + step_um * np.arange(rows, dtype=np.float64)
+    columns = math.ceil((box[2] - box[0]) / STEP_UM) + 1
+    rows = math.ceil((box[3] - box[1]) / STEP_UM) + 1
+    x: FloatArray = box[0] + STEP_UM * np.arange(columns, dtype=np.float64)
+    y: FloatArray = box[1] + STEP_UM * np.arange(rows, dtype=np.float64)
     away = _distances(edges.segments, edges.arcs, x, y)
-    inside = _inside(edges, box, step_um, (rows, columns))
+    inside = _inside(edges, box, rows, columns)
     values = np.where(inside, -away, away).astype(np.float32)
     values.setflags(write=False)
-    return values
+    return DistanceGrid(values, _corners(edges, box))
 
 
 def _corners(edges: EdgeArrays, box: Box) -> Float32Array:
@@ -275,7 +266,7 @@ def _distances(
     middles = (np.array([x[t].mean() for t in across]),
                np.array([y[t].mean() for t in down]))  # fmt: skip
     away = np.stack(list(_by_edge(lines, arcs, *middles)))
-    near = away <= away.min(axis=0) + math.sqrt(2) * _TILE * (x[1] - x[0])
+    near = away <= away.min(axis=0) + math.sqrt(2) * _TILE * STEP_UM
     for (i, rows), (j, columns) in product(enumerate(down), enumerate(across)):
         line, arc = np.split(near[:, i, j], [len(lines)])
         each = _by_edge(lines[line], arcs[arc], x[columns], y[rows])
@@ -305,10 +296,8 @@ def _by_edge(
         yield round_
 
 
-def _inside(
-    edges: EdgeArrays, box: Box, step_um: float, shape: tuple[int, int]
-) -> BoolArray:
+def _inside(edges: EdgeArrays, box: Box, rows: int, columns: int) -> BoolArray:
     """Return whether points lie inside, (rows, columns), y upwards."""
-    top_um = box[1] + (shape[0] - 0.5) * step_um
-    covered = cells(edges, box[0] - step_um / 2, top_um, step_um, shape)
+    top_um = box[1] + (rows - 0.5) * STEP_UM
+    covered = cells(edges, box[0] - STEP_UM / 2, top_um, STEP_UM, (rows, columns))
     return np.asarray(covered[::-1] > 0.5)

@@ -157,6 +157,14 @@ class Sampling:
                 continue
             raise ValueError(f"{name} must be positive and finite, got {value}")
 
+    @property
+    def few_points(self) -> bool:
+        """Return whether what is blurred widely may come from few points.
+
+        In images that share planes, unless more of the band is asked for than usual.
+        """
+        return self.planes and self.band_error >= BAND_ERROR
+
 
 # of layers that only images of few rays have: as rough as these
 ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)

@@ -17,8 +17,6 @@ from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]
 
-SHADES = 6e-4  # of full scale, what distances say of a shade's rim
-
 
 def _trials(case: LookCase, dz_um: float) -> list[Trial]:
     """Return trials at two places, in nominal light and zoom."""
@@ -58,7 +56,7 @@ def test_bodies_of_several_heights_share_no_spectra(look: Look) -> None:
 def test_images_of_a_pose_are_those_rendered_anew(
     look: Look, dz_um: float, zoom: float
 ) -> None:
-    """In coaxial light too, whose shades come from distances to edges in trials."""
+    """In coaxial light too, whose shades are read between points."""
     quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
     case = replace(look("between"), sensor=quiet, sampling=FINE, lamp_aperture=0.3)
     farthest = [replace(t, magnification=zoom) for t in _trials(case, dz_um)]
@@ -70,7 +68,7 @@ def test_images_of_a_pose_are_those_rendered_anew(
             for t in farthest
         ]
         for trial, found in zip(trials, pictures(trials), strict=True):
-            atol = SHARED + SHADES + 2 / quiet.top_count
+            atol = SHARED + 2 / quiet.top_count
             np.testing.assert_allclose(found, image(case, trial), rtol=0, atol=atol)
 
 

@@ -53,14 +53,15 @@ def test_shades_of_one_height_add_up_wherever_they_were_computed() -> None:
 
 
 @pytest.mark.parametrize("height_um", [12.0, 100.0, 300.0])
-def test_light_read_from_planes_is_the_same(height_um: float) -> None:
+def test_light_from_few_points_is_the_same(height_um: float) -> None:
     plate = Layer(name="plate", outline=gear(), z_um=height_um, reflectance=0.0)
     optics, lattice = microscope(6.9, 60, 60), Lattice.over((-30, -30, 30, 30), 5.0)
     read, found = (
         irradiances(
-            (plate,), (0.0,), optics, lamp_aperture=0.42, focus_um=(3.0,), planes=planes
+            (plate,), (0.0,), optics, lamp_aperture=0.42, focus_um=(3.0,),
+            few_points=few,
         )[0].on(lattice)
-        for planes in (True, False)
+        for few in (True, False)
     )  # fmt: skip
     assert found.min() < 0.95
     np.testing.assert_allclose(read, found, rtol=0, atol=SHADE)
