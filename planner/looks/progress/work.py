@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args
 
@@ -91,40 +91,53 @@ class CompileProgress:
     all: Images  # of all looks
 
 
-Counts = MutableSequence[float]  # images by look and stage
-_LOOK = len(STAGES) + 1  # numbers of a look: images by stage, whether it has ended
-MOST_LOOKS = 1024  # that are counted
-
-
-def images_of(counts: Counts, look: int) -> tuple[float, ...]:
-    """Return the images of a look by stage."""
-    return tuple(counts[look * _LOOK : (look + 1) * _LOOK - 1])
-
-
-def count(counts: Counts, look: int, stage: Stage, images: float) -> None:
-    """Count images of a look."""
-    if look < MOST_LOOKS:
-        at = look * _LOOK + STAGES.index(stage)
-        counts[at] = max(counts[at] + images, _BEGUN)
-
-
 _BEGUN = 1e-6  # images: a stage that made none yet, but is begun
+
+
+@dataclass(slots=True)
+class _Look:
+    """Images of a look by stage."""
+
+    made: list[float] = field(default_factory=lambda: [0.0] * len(STAGES))
+    is_ended: bool = False
+
+    def count(self, stage: Stage, images: float) -> None:
+        """Count images that were made."""
+        at = STAGES.index(stage)
+        self.made[at] = max(self.made[at] + images, _BEGUN)
+
+    def last(self) -> int | None:
+        """Return the last stage that is begun, None if none is."""
+        return max((k for k, images in enumerate(self.made) if images), default=None)
+
+    def images(self, planned: Sequence[float]) -> Images:
+        """Return what is made and what is known to be needed.
+
+        A stage that is over needs no more; where it made none, none were to be made.
+        """
+        over = len(STAGES) if self.is_ended else self.last() or 0
+        found = list(zip(self.made, planned, strict=True))
+        past = sum(max(m, p) for m, p in found[:over] if m)
+        now = sum(m for m, _ in found[over:])
+        return Images(past + now, past + sum(max(m, p) for m, p in found[over:]))
 
 
 @dataclass(slots=True, kw_only=True)
 class Work:
-    """Images of all looks of a compile; changes no result."""
+    """Images of all looks of a compile; changes no result.
 
-    counts: Counts = field(default_factory=lambda: [0.0] * (MOST_LOOKS * _LOOK))
+    A look that was not planned is not counted.
+    """
+
     heard: Callable[[CompileProgress], None] = lambda _reached: None
-    numbers: dict[str, int] = field(default_factory=dict)  # of looks
+    looks: dict[str, _Look] = field(default_factory=dict)
     planned: tuple[float, ...] = ()  # of each look, by stage
     at: tuple[int, int, str] = (0, 0, "")  # steps done, all steps, the present one
     look: str = ""  # the present one
 
     def plan(self, looks: Sequence[str], effort: Effort) -> None:
         """Begin with the looks that will probably be asked for, nothing made."""
-        self.numbers = {look: number for number, look in enumerate(looks[:MOST_LOOKS])}
+        self.looks = {look: _Look() for look in looks}
         self.planned = planned_images(effort)
 
     def step(self, done: int, steps: int, name: str) -> None:
@@ -139,26 +152,22 @@ class Work:
 
     def counting(self, look: str) -> Told:
         """Return what is to be told of a look's stages."""
-        number = self.number(look)
 
         def tell(stage: Stage, images: float) -> None:
-            count(self.counts, number, stage, images)
+            if look in self.looks:
+                self.looks[look].count(stage, images)
             self.say()
 
         return tell
 
-    def number(self, look: str) -> int:
-        """Return the number of a look; one that was not planned is not counted."""
-        return self.numbers.get(look, MOST_LOOKS)
-
     def ended(self, look: str) -> None:
         """Take a look as done, whatever was planned."""
-        if look in self.numbers:
-            self.counts[(self.numbers[look] + 1) * _LOOK - 1] = 1.0
+        if look in self.looks:
+            self.looks[look].is_ended = True
 
     def say(self) -> None:
         """Say how far the compile has come."""
-        known = {look: self._look(number) for look, number in self.numbers.items()}
+        known = {name: each.images(self.planned) for name, each in self.looks.items()}
         done, steps, name = self.at
         self.heard(
             CompileProgress(
@@ -177,25 +186,6 @@ class Work:
 
     def _stage(self) -> str:
         """Return what was begun last of the present look, "" if nothing was."""
-        if self.look not in self.numbers:
-            return ""
-        last = _last(images_of(self.counts, self.numbers[self.look]))
+        here = self.looks.get(self.look)
+        last = None if here is None else here.last()
         return "" if last is None else STAGES[last]
-
-    def _look(self, number: int) -> Images:
-        """Return the images of a look that are made and those known to be needed.
-
-        A stage that is over needs no more; where it made none, none were to be made.
-        """
-        made = images_of(self.counts, number)
-        is_ended = self.counts[(number + 1) * _LOOK - 1]
-        over = len(STAGES) if is_ended else _last(made) or 0
-        found = list(zip(made, self.planned, strict=True))
-        past = sum(max(m, p) for m, p in found[:over] if m)
-        now = sum(m for m, _ in found[over:])
-        return Images(past + now, past + sum(max(m, p) for m, p in found[over:]))
-
-
-def _last(made: Sequence[float]) -> int | None:
-    """Return the last stage that is begun, None if none is."""
-    return max((k for k, images in enumerate(made) if images), default=None)
