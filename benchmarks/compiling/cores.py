@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
-from typing import TypeVar
+from typing import Any, TypeVar
 from unittest.mock import patch
 
 from benchmarks.example import TASK
@@ -57,6 +57,7 @@ class NotedTurns(Turns):
 
     flows: list[Flow] = field(default_factory=lambda: [[]])
     at: int = 0  # the flow that runs
+    owners: dict[Future[Any], int] = field(default_factory=dict)  # flows of results
     since_s: float = field(default_factory=time.process_time)
 
     def start(self, work: Callable[[], R]) -> Future[R]:
@@ -65,7 +66,7 @@ class NotedTurns(Turns):
         before, self.at = self.at, len(self.flows)
         self.flows.append([])
         found: Future[R] = Future()
-        found.flow = self.at  # type: ignore[attr-defined]
+        self.owners[found] = self.at
         found.set_result(work())
         self.note()
         self.at = before
@@ -74,7 +75,7 @@ class NotedTurns(Turns):
     def of(self, found: Future[R]) -> R:
         """Return a result; who asks waits for its flow."""
         self.note()
-        self.flows[self.at].append(found.flow)  # type: ignore[attr-defined]
+        self.flows[self.at].append(self.owners[found])
         return found.result()
 
     def map(self, priority: float, _elsewhere: Elsewhere) -> ChunkMap:

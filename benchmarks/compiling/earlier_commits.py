@@ -32,10 +32,10 @@ class Commit:
 
 
 NOW = Commit(name="")
-# the first version, and the last one whose trials are made from rays alone
+# the first version, and one whose trials' images read no distances from edges
 OLD = Commit(name="ab34087", entry="from planner.cli import main")
 BEFORE = Commit(name="8c0ed426")
-# figure: preset, numerator's rival
+# preset, and the commit that its CPU time is divided by
 RATIOS: Mapping[str, tuple[str, Commit]] = {
     "compile.cpu_ratio_old": ("balanced", OLD),
     "compile.fast_ratio_old": ("fast", OLD),

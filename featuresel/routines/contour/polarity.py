@@ -84,7 +84,7 @@ def predict(
     sign at focus errors of two sigma to both sides, and where the target is sharpest
     (no spurious resolution). In a ring's light, where edges are lines and walls throw
     shadows, a step must stand between points one blur off the drawn edge, too, wherever
-    in their roundings lines lie, and no corner may be half as near.
+    in their roundings lines lie, and corners are more than half a blur away.
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     image = render() if image is None else image
